@@ -57,7 +57,7 @@ endfunction()
 function(srfs_install_package)
   # All that a node may need; what it does not use is not loaded.
   add_library(srfs_node INTERFACE)
-  target_link_libraries(srfs_node INTERFACE srfs_ros srfs_hw srfs_msgs srfs_mission srfs_commanding srfs_payload)
+  target_link_libraries(srfs_node INTERFACE srfs_suite srfs_hw srfs_msgs srfs_mission srfs_commanding srfs_payload)
   set_property(GLOBAL APPEND PROPERTY SRFS_LIBRARIES srfs_msgs srfs_node)
 
   get_property(libraries GLOBAL PROPERTY SRFS_LIBRARIES)

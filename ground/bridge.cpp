@@ -79,7 +79,7 @@ nlohmann::json to_json(const BridgeCounters& c) {
           {"tc_unsent", c.tc_unsent}};
 }
 
-Result<Bridge, std::string> Bridge::open(const ros::LinkSettings& link, Port port, const sockaddr_in& tm,
+Result<Bridge, std::string> Bridge::open(const suite::LinkSettings& link, Port port, const sockaddr_in& tm,
                                          const sockaddr_in& tc) {
   Fd socket(::socket(AF_INET, SOCK_DGRAM | SOCK_NONBLOCK | SOCK_CLOEXEC, 0));
   if (!socket) return Err(fmt::format("cannot create a socket: {}", errno_text(errno)));
@@ -88,7 +88,7 @@ Result<Bridge, std::string> Bridge::open(const ros::LinkSettings& link, Port por
   return Bridge(link, std::move(port), std::move(socket), tm);
 }
 
-Bridge::Bridge(const ros::LinkSettings& link, Port port, Fd socket, const sockaddr_in& tm)
+Bridge::Bridge(const suite::LinkSettings& link, Port port, Fd socket, const sockaddr_in& tm)
     : port_(std::move(port)),
       socket_(std::move(socket)),
       tm_(tm),

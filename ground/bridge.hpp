@@ -14,7 +14,7 @@
 #include "base/octets.hpp"
 #include "base/result.hpp"
 #include "ground/link.hpp"
-#include "ros/deployment.hpp"
+#include "suite/deployment.hpp"
 #include "wire/cadu.hpp"
 #include "wire/tm_frame.hpp"
 
@@ -55,7 +55,7 @@ class Bridge {
   static constexpr std::size_t datagrams_a_turn = 64;
 
   /// @return the error is ready to print
-  static Result<Bridge, std::string> open(const ros::LinkSettings& link, Port port, const sockaddr_in& tm,
+  static Result<Bridge, std::string> open(const suite::LinkSettings& link, Port port, const sockaddr_in& tm,
                                           const sockaddr_in& tc);
 
   /// For poll(2): the line and the uplink's socket.
@@ -70,7 +70,7 @@ class Bridge {
   [[nodiscard]] sockaddr_in uplink_address() const;
 
  private:
-  Bridge(const ros::LinkSettings& link, Port port, Fd socket, const sockaddr_in& tm);
+  Bridge(const suite::LinkSettings& link, Port port, Fd socket, const sockaddr_in& tm);
   Port port_;
   Fd socket_;
   sockaddr_in tm_;

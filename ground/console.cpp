@@ -72,7 +72,7 @@ Result<std::optional<TimeTag>, std::string> take_time_tag(std::vector<std::strin
 
 }  // namespace
 
-Console::Console(const mission::Dictionary& dictionary, const ros::LinkSettings& link, Port port,
+Console::Console(const mission::Dictionary& dictionary, const suite::LinkSettings& link, Port port,
                  Uplink uplink, ConsoleOptions options)
     : dictionary_(dictionary),
       options_(options),
@@ -369,7 +369,7 @@ void Console::on_file(const cfdp::News& news) {
   options_.json ? write_json(to_json(news)) : write_lines(to_line(news) + "\n");
 }
 
-void Console::on_keys(ros::AssociationSet set, const std::string& why) {
+void Console::on_keys(suite::AssociationSet set, const std::string& why) {
   if (options_.json) return write_json({{"type", "keys"}, {"keys", to_text(set)}, {"why", why}});
   write_lines(fmt::format("keys {} from now on ({})\n", to_text(set), why));
 }

@@ -36,7 +36,7 @@ struct ConsoleOptions {
 /// signals SIGINT and SIGTERM (they end it in order), standard input (session) and deadlines.
 class Console {
  public:
-  Console(const mission::Dictionary& dictionary, const ros::LinkSettings& link, Port port, Uplink uplink,
+  Console(const mission::Dictionary& dictionary, const suite::LinkSettings& link, Port port, Uplink uplink,
           ConsoleOptions options);
 
   /// One telecommand. @param wait until completion, else until acceptance, or with @p at until it is
@@ -110,7 +110,7 @@ class Console {
   void on_retrieval_over(const Retrieval& retrieval);
   void on_cop(const CopReport& report);
   void on_file(const cfdp::News& news);
-  void on_keys(ros::AssociationSet set, const std::string& why);
+  void on_keys(suite::AssociationSet set, const std::string& why);
   void tell_progress();
   [[nodiscard]] bool files_under_way();
   /// @return whether the line was one about files

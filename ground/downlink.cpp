@@ -22,7 +22,7 @@ wire::TmPacket as_report(const wire::TimePacket& time) {
 
 }  // namespace
 
-Downlink::Downlink(const ros::LinkSettings& link)
+Downlink::Downlink(const suite::LinkSettings& link)
     : synchroniser_({.frame_octets = static_cast<std::size_t>(link.tm_frame_length),
                      .reed_solomon = link.tm_reed_solomon,
                      .interleave = static_cast<unsigned>(link.tm_interleave),

@@ -9,7 +9,7 @@
 #include <vector>
 
 #include "base/octets.hpp"
-#include "ros/deployment.hpp"
+#include "suite/deployment.hpp"
 #include "wire/cadu.hpp"
 #include "wire/pus.hpp"
 #include "wire/tm_frame.hpp"
@@ -44,7 +44,7 @@ struct DownlinkCounters {
 /// Octets of the line to telemetry packets. Pure; memory: one CADU and one packet per channel.
 class Downlink {
  public:
-  explicit Downlink(const ros::LinkSettings& link);
+  explicit Downlink(const suite::LinkSettings& link);
 
   /// @return the packets that end in these octets, in order of arrival
   [[nodiscard]] std::vector<ReceivedPacket> push(OctetView octets);

@@ -6,7 +6,7 @@
 #include <set>
 
 #include "base/file.hpp"
-#include "ros/added_nodes.hpp"
+#include "suite/added_nodes.hpp"
 
 namespace srfs::ground {
 namespace {
@@ -46,9 +46,9 @@ Result<mission::Dictionary, std::string> load_dictionary(const std::filesystem::
       warnings.push_back(text.error().message);
     }
   }
-  const auto added = ros::read_added_nodes(ros::VarPaths{sources.var});
+  const auto added = suite::read_added_nodes(suite::VarPaths{sources.var});
   if (!added.damage.empty()) warnings.push_back(added.damage);
-  for (const ros::AddedNode& node : added.added.nodes) {
+  for (const suite::AddedNode& node : added.added.nodes) {
     if (!node.dictionary.empty()) take({"fragment of " + node.name, node.dictionary});
   }
   try {

@@ -22,7 +22,7 @@
 #include "ground/installation.hpp"
 #include "ground/package_arguments.hpp"
 #include "ground/remote.hpp"
-#include "ros/deployment.hpp"
+#include "suite/deployment.hpp"
 #include "update/package_keys.hpp"
 
 namespace {
@@ -116,10 +116,10 @@ Exit operate(const Arguments& a, Verb verb) {
 }
 
 /// @throws std::runtime_error  no such deployment, or one that cannot be read
-ros::LinkSettings link_of(const Arguments& a) {
+suite::LinkSettings link_of(const Arguments& a) {
   const auto deployment = find_deployment(a.deployment);
   if (!deployment) throw std::runtime_error(deployment.error());
-  return ros::Deployment::load(*deployment).link;
+  return suite::Deployment::load(*deployment).link;
 }
 
 struct Use {
@@ -128,7 +128,7 @@ struct Use {
 };
 
 /// Opens the port and does @p what with the spacecraft.
-Exit with_console(const Operation& operation, const ros::LinkSettings& link, Use use,
+Exit with_console(const Operation& operation, const suite::LinkSettings& link, Use use,
                   const std::function<Exit(Console&)>& what) {
   const Arguments& a = operation.arguments;
   auto port = Port::open(a.port, link.baud);

@@ -17,7 +17,7 @@ constexpr milliseconds line_ahead{20};  ///< of file data in the driver; a telec
 
 }  // namespace
 
-Station::Station(const mission::Dictionary& dictionary, const ros::LinkSettings& link, Port port,
+Station::Station(const mission::Dictionary& dictionary, const suite::LinkSettings& link, Port port,
                  Uplink uplink, StationOutput output, wire::FopSettings fop)
     : dictionary_(dictionary),
       port_(std::move(port)),
@@ -91,7 +91,8 @@ Result<wire::RequestId, std::string> Station::dispatch(const mission::EncodedCom
       asked_keys_.size() < Commanding::max_outstanding) {
     const auto select = mission::TtcSelectKeys::decode(OctetView(encoded->data).subspan(2));
     if (select && select->vc == uplink_.vc())
-      asked_keys_[tag] = select->set == mission::KeySet::b ? ros::AssociationSet::b : ros::AssociationSet::a;
+      asked_keys_[tag] =
+          select->set == mission::KeySet::b ? suite::AssociationSet::b : suite::AssociationSet::a;
   }
   if (ad_.phase() != AdPhase::off) {
     const auto request = send_by_ad(*encoded, wait, tag, monotonic_now());
@@ -320,7 +321,7 @@ void Station::on_stage(const StageReport& stage, MonotonicTime now) {
   end_retrievals(now);
 }
 
-void Station::follow_keys(ros::AssociationSet set, const std::string& why) {
+void Station::follow_keys(suite::AssociationSet set, const std::string& why) {
   const auto changed = uplink_.select(set);
   if (!changed && output_.problem) output_.problem(changed.error());
   if (changed && *changed && output_.keys) output_.keys(set, why);

@@ -26,10 +26,10 @@ struct StationOutput {
   std::function<void(const TelemetryReport&)> telemetry;
   std::function<void(const StageReport&)> stage;
   std::function<void(const Retrieval&)> retrieval_over;
-  std::function<void(const CopReport&)> cop;                              ///< when something of it changed
-  std::function<void(const cfdp::News&)> file;                            ///< what became of files
-  std::function<void(ros::AssociationSet, const std::string& why)> keys;  ///< other keys are used now
-  std::function<void(const std::string&)> problem;                        ///< ready to print
+  std::function<void(const CopReport&)> cop;                                ///< when something of it changed
+  std::function<void(const cfdp::News&)> file;                              ///< what became of files
+  std::function<void(suite::AssociationSet, const std::string& why)> keys;  ///< other keys are used now
+  std::function<void(const std::string&)> problem;                          ///< ready to print
 };
 
 /// The operator's end of the link: sends telecommands, decodes telemetry, follows verification. Telecommands
@@ -41,7 +41,7 @@ class Station {
   static constexpr milliseconds report_margin{2000};
   static constexpr std::size_t max_retrievals = 16;
 
-  Station(const mission::Dictionary& dictionary, const ros::LinkSettings& link, Port port, Uplink uplink,
+  Station(const mission::Dictionary& dictionary, const suite::LinkSettings& link, Port port, Uplink uplink,
           StationOutput output, wire::FopSettings fop = {});
 
   /// Checks, secures and writes one telecommand; its stages come through the output. Blocks until the octets
@@ -135,7 +135,7 @@ class Station {
   void on_stage(const StageReport& report, MonotonicTime now);
   void end_retrievals(MonotonicTime now);
   /// The spacecraft reports that it takes these keys.
-  void follow_keys(ros::AssociationSet set, const std::string& why);
+  void follow_keys(suite::AssociationSet set, const std::string& why);
   void move_files(MonotonicTime now);
   [[nodiscard]] bool send_pdu(OctetView pdu);
 
@@ -150,7 +150,7 @@ class Station {
   std::map<wire::RequestId, wire::RequestId> insertions_;  // insertion -> its telecommand; bounded
   static constexpr std::size_t max_insertions = Commanding::max_outstanding;
   std::vector<Retrieval> retrievals_;
-  std::map<std::uint64_t, ros::AssociationSet> asked_keys_;  ///< by the tag of ttc.select_keys
+  std::map<std::uint64_t, suite::AssociationSet> asked_keys_;  ///< by the tag of ttc.select_keys
   std::unique_ptr<cfdp::TransferFolders> files_;
   double octet_time_ns_;
   MonotonicTime line_free_at_;  ///< of file data; a pty would take it at any rate

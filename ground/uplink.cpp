@@ -31,20 +31,21 @@ Result<wire::SdlsKey, std::string> read_key(const std::filesystem::path& file) {
 
 }  // namespace
 
-std::string_view to_text(ros::AssociationSet set) {
+std::string_view to_text(suite::AssociationSet set) {
   switch (set) {
-    case ros::AssociationSet::a:
+    case suite::AssociationSet::a:
       return "a";
-    case ros::AssociationSet::b:
+    case suite::AssociationSet::b:
       return "b";
-    case ros::AssociationSet::contingency:
+    case suite::AssociationSet::contingency:
       return "contingency";
   }
   return "?";
 }
 
-std::optional<ros::AssociationSet> key_set_of(std::string_view text) {
-  for (const auto set : {ros::AssociationSet::a, ros::AssociationSet::b, ros::AssociationSet::contingency}) {
+std::optional<suite::AssociationSet> key_set_of(std::string_view text) {
+  for (const auto set :
+       {suite::AssociationSet::a, suite::AssociationSet::b, suite::AssociationSet::contingency}) {
     if (text == to_text(set)) return set;
   }
   return std::nullopt;
@@ -190,19 +191,20 @@ Result<void, std::string> UplinkState::raise(std::uint16_t spi, std::uint64_t va
   return save();
 }
 
-Result<void, std::string> UplinkState::set_key_set(ros::AssociationSet set) {
+Result<void, std::string> UplinkState::set_key_set(suite::AssociationSet set) {
   if (key_set_ == set) return {};
   key_set_ = set;
   return save();
 }
 
-Result<Uplink, std::string> Uplink::open(const ros::LinkSettings& link, const std::filesystem::path& var_dir,
+Result<Uplink, std::string> Uplink::open(const suite::LinkSettings& link,
+                                         const std::filesystem::path& var_dir,
                                          const std::filesystem::path& state_dir, UtcTime now,
-                                         std::optional<ros::AssociationSet> forced) {
+                                         std::optional<suite::AssociationSet> forced) {
   if (link.channels.empty())
     return Err(std::string("the deployment has no telecommand channel (link.tc_channels)"));
   const auto secured = std::find_if(link.channels.begin(), link.channels.end(),
-                                    [](const auto& c) { return c.security == ros::ChannelSecurity::sdls; });
+                                    [](const auto& c) { return c.security == suite::ChannelSecurity::sdls; });
   const auto& chosen = secured == link.channels.end() ? link.channels.front() : *secured;
   auto state = UplinkState::open(state_dir / "uplink.json", now);
   if (!state) return Err(state.error());
@@ -214,10 +216,10 @@ Result<Uplink, std::string> Uplink::open(const ros::LinkSettings& link, const st
   uplink.set_ = forced.value_or(uplink.state_.key_set());
   for (const auto& entry : link.channels) {
     const auto same_set = [&entry](const auto& other) {
-      return other.security == ros::ChannelSecurity::sdls && other.set == entry.set &&
+      return other.security == suite::ChannelSecurity::sdls && other.set == entry.set &&
              other.virtual_channel == entry.virtual_channel;
     };
-    if (entry.security != ros::ChannelSecurity::sdls || entry.virtual_channel != chosen.virtual_channel)
+    if (entry.security != suite::ChannelSecurity::sdls || entry.virtual_channel != chosen.virtual_channel)
       continue;
     auto key = read_key(var_dir / entry.key_file);
     if (!key && entry.set != uplink.set_) continue;
@@ -236,7 +238,7 @@ Result<Uplink, std::string> Uplink::open(const ros::LinkSettings& link, const st
   return uplink;
 }
 
-bool Uplink::has(ros::AssociationSet set) const {
+bool Uplink::has(suite::AssociationSet set) const {
   return std::any_of(associations_.begin(), associations_.end(),
                      [set](const auto& a) { return a.set == set; });
 }
@@ -248,7 +250,7 @@ const Uplink::Association* Uplink::association(wire::TcFrameType type) const {
   return found == associations_.end() ? nullptr : &*found;
 }
 
-Result<bool, std::string> Uplink::select(ros::AssociationSet set) {
+Result<bool, std::string> Uplink::select(suite::AssociationSet set) {
   if (!has(set))
     return Err(fmt::format("the spacecraft uses keys '{}', which are missing here", to_text(set)));
   const auto saved = state_.set_key_set(set);
@@ -258,7 +260,7 @@ Result<bool, std::string> Uplink::select(ros::AssociationSet set) {
   return changed;
 }
 
-std::optional<ros::AssociationSet> Uplink::set_of(std::uint16_t spi) const {
+std::optional<suite::AssociationSet> Uplink::set_of(std::uint16_t spi) const {
   for (const Association& association : associations_) {
     if (association.spi == spi) return association.set;
   }

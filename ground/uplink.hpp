@@ -15,16 +15,16 @@
 #include "base/result.hpp"
 #include "base/time.hpp"
 #include "msgs/mission/dictionary.hpp"
-#include "ros/deployment.hpp"
+#include "suite/deployment.hpp"
 #include "wire/pus.hpp"
 #include "wire/sdls.hpp"
 #include "wire/tc_uplink.hpp"
 
 namespace srfs::ground {
 
-[[nodiscard]] std::string_view to_text(ros::AssociationSet set);
+[[nodiscard]] std::string_view to_text(suite::AssociationSet set);
 /// "a", "b" or "contingency".
-[[nodiscard]] std::optional<ros::AssociationSet> key_set_of(std::string_view text);
+[[nodiscard]] std::optional<suite::AssociationSet> key_set_of(std::string_view text);
 
 /// What the ground must not forget: the next security counter of each association, the sequence counts, the
 /// keys in use. A file, replaced atomically.
@@ -60,9 +60,9 @@ class UplinkState {
   [[nodiscard]] const std::filesystem::path& file() const { return file_; }
   [[nodiscard]] std::uint64_t next_counter(std::uint16_t spi) const;
 
-  [[nodiscard]] ros::AssociationSet key_set() const { return key_set_; }
+  [[nodiscard]] suite::AssociationSet key_set() const { return key_set_; }
   /// Blocks on the disk. On an error it still holds for this run.
-  Result<void, std::string> set_key_set(ros::AssociationSet set);
+  Result<void, std::string> set_key_set(suite::AssociationSet set);
 
  private:
   using SequenceCounts = std::map<std::uint16_t, std::uint16_t>;
@@ -82,7 +82,7 @@ class UplinkState {
   std::optional<seconds> ahead_of_clock_;
   std::map<std::uint16_t, Counter> counters_;
   SequenceCounts next_sequence_;
-  ros::AssociationSet key_set_ = ros::AssociationSet::a;
+  suite::AssociationSet key_set_ = suite::AssociationSet::a;
 };
 
 struct OutgoingTelecommand {
@@ -108,9 +108,10 @@ class Uplink {
   /// @param state_dir where the counters are kept
   /// @param forced the set of this run; nullopt: as remembered
   /// @return the error is ready to print
-  static Result<Uplink, std::string> open(const ros::LinkSettings& link, const std::filesystem::path& var_dir,
+  static Result<Uplink, std::string> open(const suite::LinkSettings& link,
+                                          const std::filesystem::path& var_dir,
                                           const std::filesystem::path& state_dir, UtcTime now,
-                                          std::optional<ros::AssociationSet> forced = std::nullopt);
+                                          std::optional<suite::AssociationSet> forced = std::nullopt);
 
   /// Blocks on the disk. All verification reports are asked for.
   [[nodiscard]] Result<OutgoingTelecommand, std::string> make(const mission::EncodedCommand& command);
@@ -130,11 +131,11 @@ class Uplink {
   /// What the operator should know of the counters at the start; empty: all is well.
   [[nodiscard]] std::string warning() const;
   /// The keys in use; those of a run with forced keys stay, what is selected counts from the next run on.
-  [[nodiscard]] ros::AssociationSet key_set() const { return set_; }
+  [[nodiscard]] suite::AssociationSet key_set() const { return set_; }
   /// Blocks on the disk. @return whether the keys in use changed; the error is ready to print
-  Result<bool, std::string> select(ros::AssociationSet set);
+  Result<bool, std::string> select(suite::AssociationSet set);
   /// The set that an SPI of this channel belongs to, if its key is here.
-  [[nodiscard]] std::optional<ros::AssociationSet> set_of(std::uint16_t spi) const;
+  [[nodiscard]] std::optional<suite::AssociationSet> set_of(std::uint16_t spi) const;
   [[nodiscard]] std::uint64_t sent() const { return sent_; }
 
  private:
@@ -144,20 +145,20 @@ class Uplink {
   struct Association {
     wire::SdlsKey key;
     std::uint16_t spi;
-    ros::AssociationSet set;
+    suite::AssociationSet set;
     bool for_bd;
     bool for_ad;
   };
   [[nodiscard]] wire::TcPacket packet_of(const mission::EncodedCommand& command,
                                          std::uint16_t sequence_count) const;
-  [[nodiscard]] bool has(ros::AssociationSet set) const;
+  [[nodiscard]] bool has(suite::AssociationSet set) const;
   /// Of the set in use. nullptr: a channel without security
   [[nodiscard]] const Association* association(wire::TcFrameType type) const;
   std::vector<Association> associations_;  ///< those whose key is here
   std::set<std::uint16_t> foreign_told_;
   bool secured_ = false;
   bool forced_ = false;
-  ros::AssociationSet set_ = ros::AssociationSet::a;
+  suite::AssociationSet set_ = suite::AssociationSet::a;
   std::uint64_t sent_ = 0;
 };
 

@@ -5,12 +5,12 @@
 #include <cmath>
 #include <memory>
 
-#include "ros/image_topics.hpp"
-#include "ros/mission_time.hpp"
-#include "ros/node.hpp"
-#include "ros/run_node.hpp"
 #include "straylight.hpp"
 #include "straylight_structures.hpp"
+#include "suite/image_topics.hpp"
+#include "suite/mission_time.hpp"
+#include "suite/node.hpp"
+#include "suite/run_node.hpp"
 
 namespace {
 
@@ -19,9 +19,9 @@ using namespace srfs;
 constexpr std::size_t most_waiting = 2;  // frames of megabytes
 constexpr std::size_t longest_frame_name = 32;
 
-class ImageStraylightNode : public ros::LifecycleNode {
+class ImageStraylightNode : public suite::Node {
  public:
-  explicit ImageStraylightNode(ros::NodeContext& context) : LifecycleNode(context) {
+  explicit ImageStraylightNode(suite::NodeContext& context) : Node(context) {
     counters_.sky_adu = std::nanf("");
     declare_parameter("sky_limit_adu", std::int64_t{4000}, ros::ParameterRange{1, 65535},
                       "Sky above which a frame counts as bright");
@@ -36,14 +36,14 @@ class ImageStraylightNode : public ros::LifecycleNode {
  protected:
   ros::CallbackReturn on_configure() override {
     if (!worker_) worker_ = create_worker("sky", most_waiting);
-    ticks_ = create_subscription(ros::topics::time_tick,
+    ticks_ = create_subscription(suite::topics::time_tick,
                                  [this](const srfs_msgs::msg::TimeTick& tick) { time_.on_tick(tick); });
     housekeeping_timer_ = create_timer(
         seconds(5), [this] { publish_housekeeping(); }, "housekeeping");
     return ros::CallbackReturn::success;
   }
   ros::CallbackReturn on_activate() override {
-    frames_ = create_subscription(ros::topics::image_raw,
+    frames_ = create_subscription(suite::topics::image_raw,
                                   [this](const sensor_msgs::msg::Image& frame) { on_frame(frame); });
     return ros::CallbackReturn::success;
   }
@@ -98,15 +98,15 @@ class ImageStraylightNode : public ros::LifecycleNode {
   void publish_housekeeping() {
     counters_.cycle = time_.cycle();
     counters_.limit_adu = limit_adu();
-    publish_telemetry(
-        ros::telemetry_message(name(), counters_, time_.cycle(), time_.utc_at(now()), time_.valid(), now()));
+    publish_telemetry(suite::telemetry_message(name(), counters_, time_.cycle(), time_.utc_at(now()),
+                                               time_.valid(), now()));
   }
 
   std::shared_ptr<ros::Worker> worker_;  ///< from the first configuring on
   std::shared_ptr<ros::Subscription<sensor_msgs::msg::Image>> frames_;
   std::shared_ptr<ros::Subscription<srfs_msgs::msg::TimeTick>> ticks_;
   ros::Timer housekeeping_timer_;
-  ros::MissionTime time_;
+  suite::MissionTime time_;
   BrightSky sky_;
   mission::ImageStraylightHousekeeping counters_;
 };
@@ -114,5 +114,5 @@ class ImageStraylightNode : public ros::LifecycleNode {
 }  // namespace
 
 int main(int argc, char** argv) {
-  return ros::run_node<ImageStraylightNode>(argc, argv);
+  return suite::run_node<ImageStraylightNode>(argc, argv);
 }

@@ -3,22 +3,22 @@
 // A payload without access to the CAN bus, as the paper's maintenance experiment begins with (section VI.D):
 // it is in the plan, and gives every slot back unused. `./run experiment fig16` replaces it in flight by one
 // that uses the bus.
-#include "ros/node.hpp"
-#include "ros/run_node.hpp"
+#include "suite/node.hpp"
+#include "suite/run_node.hpp"
 
 namespace {
 
 using namespace srfs;
 
-class IdlePayloadNode : public ros::LifecycleNode {
+class IdlePayloadNode : public suite::Node {
  public:
-  using LifecycleNode::LifecycleNode;
+  using Node::Node;
 
  protected:
   ros::CallbackReturn on_activate() override {
-    statuses_ = create_publisher(ros::topics::bus_status);
-    activities_ = create_publisher(ros::topics::activity(name()));
-    flags_ = create_subscription(ros::topics::task_flags,
+    statuses_ = create_publisher(suite::topics::bus_status);
+    activities_ = create_publisher(suite::topics::activity(name()));
+    flags_ = create_subscription(suite::topics::task_flags,
                                  [this](const srfs_msgs::msg::TaskFlags& flags) { give_back(flags); });
     return ros::CallbackReturn::success;
   }
@@ -57,5 +57,5 @@ class IdlePayloadNode : public ros::LifecycleNode {
 }  // namespace
 
 int main(int argc, char** argv) {
-  return ros::run_node<IdlePayloadNode>(argc, argv);
+  return suite::run_node<IdlePayloadNode>(argc, argv);
 }

@@ -2,8 +2,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "impact_profile.hpp"
 #include "nodes/payload/payload_node.hpp"
-#include "ros/run_node.hpp"
+#include "suite/run_node.hpp"
 
 int main(int argc, char** argv) {
-  return srfs::ros::run_node<srfs::PayloadNodeOf<srfs::ImpactProfile>>(argc, argv);
+  return srfs::suite::run_node<srfs::PayloadNodeOf<srfs::ImpactProfile>>(argc, argv);
 }

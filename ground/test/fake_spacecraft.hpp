@@ -7,7 +7,7 @@
 
 #include "base/time.hpp"
 #include "cfdp/transfer_folders.hpp"
-#include "ros/deployment.hpp"
+#include "suite/deployment.hpp"
 #include "tests/temporary_folder.hpp"
 #include "wire/cadu.hpp"
 #include "wire/cfdp_pdu.hpp"
@@ -27,9 +27,9 @@ inline constexpr std::string_view test_key =
 inline constexpr std::string_view ad_test_key =
     "202122232425262728292a2b2c2d2e2f303132333435363738393a3b3c3d3e3f";
 
-inline ros::LinkSettings secured_link() {
-  ros::LinkSettings link;
-  link.channels.push_back({0, ros::ChannelSecurity::sdls, 1, "keys/tc_uplink.key"});
+inline suite::LinkSettings secured_link() {
+  suite::LinkSettings link;
+  link.channels.push_back({0, suite::ChannelSecurity::sdls, 1, "keys/tc_uplink.key"});
   return link;
 }
 
@@ -37,7 +37,7 @@ inline ros::LinkSettings secured_link() {
 /// Input and output are octets.
 class FakeSpacecraft {
  public:
-  explicit FakeSpacecraft(const ros::LinkSettings& link)
+  explicit FakeSpacecraft(const suite::LinkSettings& link)
       : link_(link),
         key_(*wire::SdlsKey::from_hex(test_key)),
         ad_key_(*wire::SdlsKey::from_hex(ad_test_key)),
@@ -133,7 +133,7 @@ class FakeSpacecraft {
             .interleave = static_cast<unsigned>(link_.tm_interleave),
             .randomize = link_.tm_randomizer};
   }
-  ros::LinkSettings link_;
+  suite::LinkSettings link_;
   wire::SdlsKey key_;
   wire::SdlsKey ad_key_;
   wire::CltuDecoder cltus_;

@@ -142,10 +142,10 @@ TEST(Uplink, FollowsTheCounterOfTheBeaconUpwardsOnly) {
 }
 
 /// secured_link() with a second key set and a contingency association.
-ros::LinkSettings link_with_sets() {
-  ros::LinkSettings link = secured_link();
-  using Security = ros::ChannelSecurity;
-  using Set = ros::AssociationSet;
+suite::LinkSettings link_with_sets() {
+  suite::LinkSettings link = secured_link();
+  using Security = suite::ChannelSecurity;
+  using Set = suite::AssociationSet;
   link.channels.push_back({link.channels[0].virtual_channel, Security::sdls, 3, "keys/b.key", Set::b});
   link.channels.push_back(
       {link.channels[0].virtual_channel, Security::sdls, 5, "keys/c.key", Set::contingency});
@@ -161,7 +161,7 @@ std::uint16_t spi_of(const OutgoingTelecommand& telecommand) {
 TEST(Uplink, SwitchesItsKeysAndCountsEachOfThemOverRuns) {
   const VarFolder var;
   std::ofstream(var.path() / "keys/b.key") << std::string(64, 'b');
-  const auto open = [&](std::optional<ros::AssociationSet> forced = std::nullopt) {
+  const auto open = [&](std::optional<suite::AssociationSet> forced = std::nullopt) {
     return Uplink::open(link_with_sets(), var.path(), var.path() / "ground", now, forced);
   };
   std::uint64_t of_a = 0;
@@ -170,31 +170,31 @@ TEST(Uplink, SwitchesItsKeysAndCountsEachOfThemOverRuns) {
     auto uplink = open();
     ASSERT_TRUE(uplink) << uplink.error();
     for (int i = 0; i < 3; ++i) of_a = *uplink->make(switch_load())->security_counter;
-    EXPECT_EQ(uplink->select(ros::AssociationSet::b).value(), true);
-    EXPECT_EQ(uplink->select(ros::AssociationSet::b).value(), false) << "already";
+    EXPECT_EQ(uplink->select(suite::AssociationSet::b).value(), true);
+    EXPECT_EQ(uplink->select(suite::AssociationSet::b).value(), false) << "already";
     EXPECT_TRUE(uplink->on_spacecraft_counter(3, of_a + 1000));
     const auto telecommand = uplink->make(switch_load());
     EXPECT_EQ(spi_of(*telecommand), 3);
     of_b = *telecommand->security_counter;
     EXPECT_EQ(of_b, of_a + 1001);
-    EXPECT_FALSE(uplink->select(ros::AssociationSet::contingency)) << "its key is not here";
+    EXPECT_FALSE(uplink->select(suite::AssociationSet::contingency)) << "its key is not here";
   }
   auto uplink = open();
   auto telecommand = uplink->make(switch_load());
   EXPECT_EQ(spi_of(*telecommand), 3) << "remembered";
   EXPECT_EQ(*telecommand->security_counter, of_b + 1);
-  ASSERT_TRUE(uplink->select(ros::AssociationSet::a));
+  ASSERT_TRUE(uplink->select(suite::AssociationSet::a));
   telecommand = uplink->make(switch_load());
   EXPECT_EQ(spi_of(*telecommand), 1);
   EXPECT_EQ(*telecommand->security_counter, of_a + 1);
 
-  EXPECT_FALSE(open(ros::AssociationSet::contingency));
+  EXPECT_FALSE(open(suite::AssociationSet::contingency));
   std::ofstream(var.path() / "keys/c.key") << std::string(64, 'c');
-  auto contingency = open(ros::AssociationSet::contingency);
+  auto contingency = open(suite::AssociationSet::contingency);
   ASSERT_TRUE(contingency) << contingency.error();
-  EXPECT_EQ(contingency->select(ros::AssociationSet::b).value(), false) << "from the next run on";
+  EXPECT_EQ(contingency->select(suite::AssociationSet::b).value(), false) << "from the next run on";
   EXPECT_EQ(spi_of(*contingency->make(switch_load())), 5);
-  EXPECT_EQ(open()->key_set(), ros::AssociationSet::b);
+  EXPECT_EQ(open()->key_set(), suite::AssociationSet::b);
 }
 
 TEST(Uplink, TakesOverTheOneCounterOfAnOlderFileForEveryAssociation) {
@@ -230,8 +230,8 @@ TEST(Uplink, SaysWhatIsWrongWithItsFiles) {
 
 TEST(Uplink, SendsInTheClearOnAnOpenChannel) {
   const VarFolder var;
-  ros::LinkSettings open;
-  open.channels.push_back({1, ros::ChannelSecurity::none, 0, ""});
+  suite::LinkSettings open;
+  open.channels.push_back({1, suite::ChannelSecurity::none, 0, ""});
   auto uplink = Uplink::open(open, var.path(), var.path() / "ground", now);
   ASSERT_TRUE(uplink);
   const auto telecommand = uplink->make(switch_load());

@@ -10,7 +10,7 @@
 
 #include "ros/client.hpp"
 #include "ros/goal_tracker.hpp"
-#include "ros/mission_time.hpp"
+#include "ros/time_message.hpp"
 
 namespace srfs::ros {
 

@@ -12,9 +12,9 @@
 
 #include "base/log.hpp"
 #include "ros/action_goals.hpp"
-#include "ros/mission_time.hpp"
 #include "ros/publisher.hpp"
 #include "ros/service.hpp"
+#include "ros/time_message.hpp"
 #include "ros/worker.hpp"
 
 namespace srfs::ros {

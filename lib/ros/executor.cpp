@@ -13,8 +13,6 @@
 #include <sys/timerfd.h>
 #include <unistd.h>
 
-#include "ros/ring/heartbeat_page.hpp"
-
 namespace srfs::ros {
 
 struct Executor::Timer : Registration, std::enable_shared_from_this<Timer> {
@@ -240,7 +238,7 @@ bool Executor::run_posts() {
 bool Executor::run_due_timers() {
   bool ran = false;
   now_ = monotonic_now();
-  if (heartbeat_ != nullptr) heartbeat_->beat(now_);
+  if (turn_) turn_(now_);
   // Only what was due when the round began: a timer that takes longer than its period starves nothing else.
   const MonotonicTime round = now_;
   while (!timers_.empty() && timers_.begin()->first <= round) {

@@ -22,7 +22,6 @@
 
 namespace srfs::ros {
 
-class HeartbeatPage;
 class Worker;
 
 /// Something with input for the work thread (a DDS reader, a worker's results). Lives as long as its
@@ -101,8 +100,8 @@ class Executor {
   };
   /// On the work thread.
   [[nodiscard]] Backlog backlog() const;
-  /// The page that records every turn; nullptr: none. Outlives the executor's turns.
-  void set_heartbeat(HeartbeatPage* page) { heartbeat_ = page; }
+  /// Called as each turn of the loop begins, before anything else of it; must not block. Empty: nothing is.
+  void on_turn(std::function<void(MonotonicTime)> callback) { turn_ = std::move(callback); }
   /// The workers whose results come here, on the work thread; each enters and leaves by itself.
   [[nodiscard]] const std::vector<Worker*>& workers() const { return workers_; }
   void add_worker(Worker* worker) { workers_.push_back(worker); }
@@ -165,7 +164,7 @@ class Executor {
   CallbackStatistics statistics_;
   std::vector<std::weak_ptr<Source>> sources_;  // named ones
   std::vector<Worker*> workers_;
-  HeartbeatPage* heartbeat_ = nullptr;
+  std::function<void(MonotonicTime)> turn_;
   std::uint32_t handled_ = 0;
   std::function<void(const CallbackRecord&, nanoseconds)> over_budget_;
   std::function<void(const CallbackRecord&, const std::string&)> failure_;

@@ -11,6 +11,9 @@
 
 namespace srfs::ros {
 
+/// Layout of the messages of the ROS graph: they differ between ROS 2 releases.
+enum class GraphDialect : std::uint8_t { off, humble, iron };
+
 /// Name of an endpoint or a participant in the ROS graph: GUID prefix, then entity id.
 using Gid = std::array<std::uint8_t, 16>;
 
@@ -64,8 +67,11 @@ using IronGraphMessage = GraphMessage<16>;
 class ParticipantGraph {
  public:
   void set_participant(const Gid& gid) { participant_ = gid; }
-  /// @param name without slash, in the root namespace; nullopt: the process is no node
-  void set_node(std::optional<std::string> name) { node_ = std::move(name); }
+  /// @param name without slash; nullopt: the process is no node. @param name_space "/" or "/a/b"
+  void set_node(std::optional<std::string> name, std::string name_space = "/") {
+    node_ = std::move(name);
+    name_space_ = std::move(name_space);
+  }
 
   // Adding twice and removing what is not there change nothing. @return true when something changed
   bool add_reader(const Gid& gid) { return add(readers_, gid); }
@@ -80,7 +86,7 @@ class ParticipantGraph {
     m.gid = padded<gid_octets>(participant_);
     if (!node_) return m;
     auto& node = m.node_entities_info_seq.emplace_back();
-    node.node_namespace = "/";
+    node.node_namespace = name_space_;
     node.node_name = *node_;
     for (const Gid& gid : readers_) node.reader_gid_seq.push_back(padded<gid_octets>(gid));
     for (const Gid& gid : writers_) node.writer_gid_seq.push_back(padded<gid_octets>(gid));
@@ -98,6 +104,7 @@ class ParticipantGraph {
 
   Gid participant_{};
   std::optional<std::string> node_;
+  std::string name_space_ = "/";
   std::vector<Gid> readers_;
   std::vector<Gid> writers_;
 };

@@ -11,23 +11,23 @@ namespace {
 constexpr Qos graph_qos{.depth = 1, .transient_local = true};
 constexpr const char* graph_topic = "ros_discovery_info";
 
-dds::TypeSupport type_of(RosGraph dialect) {
-  if (dialect == RosGraph::iron) return dds::TypeSupport(new TypeSupport<IronGraphMessage>);
+dds::TypeSupport type_of(GraphDialect dialect) {
+  if (dialect == GraphDialect::iron) return dds::TypeSupport(new TypeSupport<IronGraphMessage>);
   return dds::TypeSupport(new TypeSupport<HumbleGraphMessage>);
 }
 
 }  // namespace
 
-GraphPublisher::GraphPublisher(Executor& executor, Participant& participant, RosGraph dialect,
-                               const std::string& node)
+GraphPublisher::GraphPublisher(Executor& executor, Participant& participant, GraphDialect dialect,
+                               const NodeNames& node)
     : executor_(executor), participant_(participant), dialect_(dialect) {
-  if (dialect_ == RosGraph::off) return;
+  if (dialect_ == GraphDialect::off) return;
   writer_ = std::make_unique<WriterEndpoint>(participant_, graph_topic, type_of(dialect_), graph_qos);
   participant_.on_graph_change([this] {
     if (due_) return;
     due_ = executor_.add_timer(monotonic_now(), nanoseconds(0), [this] { publish(); });
   });
-  participant_.set_node(node);
+  participant_.set_node(node.name(), node.name_space());
 }
 
 GraphPublisher::~GraphPublisher() {
@@ -40,7 +40,7 @@ GraphPublisher::~GraphPublisher() {
 void GraphPublisher::publish() {
   due_.reset();
   const ParticipantGraph graph = participant_.graph();
-  if (dialect_ == RosGraph::iron) {
+  if (dialect_ == GraphDialect::iron) {
     const IronGraphMessage message = graph.message<16>();
     writer_->write(&message);
   } else {

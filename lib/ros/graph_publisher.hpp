@@ -6,9 +6,9 @@
 #include <memory>
 #include <string>
 
-#include "ros/deployment.hpp"
 #include "ros/endpoint.hpp"
 #include "ros/executor.hpp"
+#include "ros/node_names.hpp"
 #include "ros/participant.hpp"
 
 namespace srfs::ros {
@@ -18,8 +18,8 @@ namespace srfs::ros {
 /// thread in which an endpoint came or went. Writes only: no node needs the graph of the others. Work thread.
 class GraphPublisher {
  public:
-  /// @param node name without slash; @param dialect off: does nothing
-  GraphPublisher(Executor& executor, Participant& participant, RosGraph dialect, const std::string& node);
+  /// @param dialect off: does nothing
+  GraphPublisher(Executor& executor, Participant& participant, GraphDialect dialect, const NodeNames& node);
   /// Takes the node out of the graph.
   ~GraphPublisher();
   GraphPublisher(const GraphPublisher&) = delete;
@@ -30,7 +30,7 @@ class GraphPublisher {
 
   Executor& executor_;
   Participant& participant_;
-  const RosGraph dialect_;
+  const GraphDialect dialect_;
   std::unique_ptr<WriterEndpoint> writer_;
   Timer due_;
 };

@@ -287,9 +287,9 @@ ParticipantGraph Participant::graph() const {
   return graph_;
 }
 
-void Participant::set_node(std::optional<std::string> name) {
+void Participant::set_node(std::optional<std::string> name, const std::string& name_space) {
   change_graph([&](ParticipantGraph& graph) {
-    graph.set_node(std::move(name));
+    graph.set_node(std::move(name), name_space);
     return true;
   });
 }

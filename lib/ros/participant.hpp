@@ -30,10 +30,6 @@ namespace srfs::ros {
 
 namespace dds = eprosima::fastdds::dds;
 
-/// ParticipantOptions::lease where a ring watches: the ring decides which nodes are dead. DDS' own verdict
-/// would only cut off nodes that were stopped for a while.
-inline constexpr std::chrono::seconds lease_beside_the_ring{20};
-
 struct ParticipantOptions {
   int domain = 42;  ///< 0..232; above 101 the kernel gives these ports to any process
   std::vector<std::string> interfaces = {"127.0.0.1"};  ///< transports are confined to these addresses
@@ -104,7 +100,7 @@ class Participant {
 
   // This process' entry in the ROS graph; every endpoint that is made here is in it.
   [[nodiscard]] ParticipantGraph graph() const;
-  void set_node(std::optional<std::string> name);
+  void set_node(std::optional<std::string> name, const std::string& name_space = "/");
   /// A writer feeds a reader here, which takes samples of at most @p octets. @param refused counts those that
   /// claim more and are dropped before Fast DDS sees them (transport of the work thread)
   void on_writer_matched(const Gid& writer, const Gid& reader, std::size_t octets,

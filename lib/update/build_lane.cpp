@@ -122,7 +122,8 @@ Command plan_header(const NodeBuild& build, const std::vector<std::string>& opti
 }
 
 std::string header_text() {
-  return "#include <nodes/payload/payload_node.hpp>\n#include <ros/node.hpp>\n#include <ros/run_node.hpp>\n";
+  return "#include <nodes/payload/payload_node.hpp>\n#include <suite/node.hpp>\n#include "
+         "<suite/run_node.hpp>\n";
 }
 
 std::vector<std::string> files_of_rule(std::string_view rule) {

@@ -82,7 +82,7 @@ enum class SelfTestOutcome : std::uint8_t {
   cancelled,
 };
 [[nodiscard]] std::string_view to_text(SelfTestOutcome outcome);
-inline constexpr int self_test_failed = 6;  ///< exit code of a node, lib/ros/run_node.hpp
+inline constexpr int self_test_failed = 6;  ///< exit code of a node, lib/suite/run_node.hpp
 [[nodiscard]] SelfTestOutcome judge_self_test(const Ended& ended, const Limits& limits);
 
 /// For people: "signal 11 (Segmentation fault)", "exit code 1", "ended after 10 s".

@@ -13,7 +13,7 @@
 #include "base/saturate.hpp"
 #include "hw/open.hpp"
 #include "nodes/can_switcher/holder_kill.hpp"
-#include "ros/ring/heartbeat_page.hpp"
+#include "suite/ring/heartbeat_page.hpp"
 
 namespace srfs {
 namespace {
@@ -24,17 +24,17 @@ constexpr nanoseconds housekeeping_period = seconds(1);
 constexpr nanoseconds failure_event_period = seconds(10);  // per payload
 constexpr const char* timing_node = "timing";              // whose ticks these are
 
-std::vector<Slot> plan_of(const ros::Deployment& deployment) {
+std::vector<Slot> plan_of(const suite::Deployment& deployment) {
   std::vector<Slot> slots;
   slots.reserve(deployment.slots.size());
-  for (const ros::Slot& slot : deployment.slots)
+  for (const suite::Slot& slot : deployment.slots)
     slots.push_back({slot.payload, slot.allotted, slot.overrun, slot.reset});
   return slots;
 }
 
 }  // namespace
 
-CanSwitcherNode::CanSwitcherNode(ros::NodeContext& context) : LifecycleNode(context) {
+CanSwitcherNode::CanSwitcherNode(suite::NodeContext& context) : Node(context) {
   declare_parameter("fence_wait_ms", std::int64_t{500}, ros::ParameterRange{10, 10000},
                     "Time a killed holder has to exit before it is killed again and reported", true);
   declare_parameter("recall_ms", std::int64_t{3000}, ros::ParameterRange{100, 60000},
@@ -50,9 +50,9 @@ CanSwitcherNode::CanSwitcherNode(ros::NodeContext& context) : LifecycleNode(cont
     const auto& payloads = std::get<std::vector<std::string>>(value);
     for (const std::string& payload : payloads) {
       const auto& slots = deployment().slots;
-      const bool known = !payload.empty() && std::any_of(slots.begin(), slots.end(), [&](const ros::Slot& s) {
-        return s.payload == payload;
-      });
+      const bool known =
+          !payload.empty() &&
+          std::any_of(slots.begin(), slots.end(), [&](const suite::Slot& s) { return s.payload == payload; });
       if (!known) return Err(fmt::format("rotation_order: '{}' has no slot in the deployment", payload));
       if (std::count(payloads.begin(), payloads.end(), payload) > 1)
         return Err(fmt::format("rotation_order: '{}' appears twice", payload));
@@ -70,7 +70,7 @@ void CanSwitcherNode::apply_parameters() {
 }
 
 std::vector<std::string> CanSwitcherNode::turns() const {
-  const auto all = ros::turns_of(deployment().slots);
+  const auto all = suite::turns_of(deployment().slots);
   auto order = get_parameter<std::vector<std::string>>("rotation_order");
   std::erase_if(order, [&](const std::string& payload) {  // it may have been removed since
     return std::find(all.begin(), all.end(), payload) == all.end();
@@ -99,9 +99,9 @@ void CanSwitcherNode::take_plan() {
 
 CallbackReturn CanSwitcherNode::on_configure() {
   const std::size_t count = deployment().slots.size();
-  if (ros::turns_of(deployment().slots).empty() || count > ros::slots_at_most) {
+  if (suite::turns_of(deployment().slots).empty() || count > suite::slots_at_most) {
     set_failure_reason(fmt::format("{}: 'slots': expected 1 to {} entries, found {}",
-                                   deployment().file.string(), ros::slots_at_most, count));
+                                   deployment().file.string(), suite::slots_at_most, count));
     return CallbackReturn::failure;
   }
   make_rotation();
@@ -151,7 +151,7 @@ std::optional<InheritedGrant> CanSwitcherNode::inherited(
     return std::nullopt;
   InheritedGrant granted{deployment().slots[holder->slot].payload, std::nullopt};
   const auto process = holder->process != 0 ? std::optional(holder->process) : std::nullopt;
-  const auto instance = ros::find_instance(var(), granted.payload);
+  const auto instance = suite::find_instance(var(), granted.payload);
   // A process without a number has not opened the bus yet.
   if (instance && instance->incarnation != 0 && is_holder(instance->incarnation, process))
     granted.process = instance->incarnation;
@@ -159,11 +159,11 @@ std::optional<InheritedGrant> CanSwitcherNode::inherited(
 }
 
 void CanSwitcherNode::open_topics() {
-  flags_ = create_publisher(ros::topics::task_flags);
-  resets_ = create_publisher(ros::topics::reset_peripheral);
-  statuses_ = create_subscription(ros::topics::bus_status,
+  flags_ = create_publisher(suite::topics::task_flags);
+  resets_ = create_publisher(suite::topics::reset_peripheral);
+  statuses_ = create_subscription(suite::topics::bus_status,
                                   [this](const srfs_msgs::msg::BusStatus& status) { on_bus_status(status); });
-  ticks_ = create_subscription(ros::topics::time_tick,
+  ticks_ = create_subscription(suite::topics::time_tick,
                                [this](const srfs_msgs::msg::TimeTick& tick, const ros::MessageInfo& info) {
                                  on_tick(tick, info.received);
                                });
@@ -184,7 +184,7 @@ void CanSwitcherNode::open_bus() {
     return lines ? std::move(*lines) : nullptr;
   };
   hooks.attended = [paths = var()](std::string_view payload) {
-    return ros::find_instance(paths, std::string(payload)).has_value();
+    return suite::find_instance(paths, std::string(payload)).has_value();
   };
   hooks.done = [this](const hw::Peripheral& peripheral, std::optional<hw::GpioError> problem) {
     report_power_cut(peripheral, problem);
@@ -254,8 +254,8 @@ CallbackReturn CanSwitcherNode::on_error() {
 
 // ---------------------------------------------------------------- rotation
 
-ros::WorkStatus CanSwitcherNode::work_status() const {
-  ros::WorkStatus work;
+suite::WorkStatus CanSwitcherNode::work_status() const {
+  suite::WorkStatus work;
   work.done = static_cast<std::uint32_t>(flag_latency_.count());
   for (const auto& due : {armed_, substitute_armed_}) {
     if (!due || *due > now()) continue;
@@ -318,7 +318,7 @@ void CanSwitcherNode::on_tick_missing() {
 
 bool CanSwitcherNode::ticks_were_stopped() const {
   // Both on tmpfs or in the page cache, and asked for only while ticks are missing.
-  const auto page = ros::HeartbeatPage::read(var(), timing_node);
+  const auto page = suite::HeartbeatPage::read(var(), timing_node);
   const bool by_command = page && page->desired != 0 &&  // 0: it starts, and is on its way to what it was
                           page->desired != static_cast<std::uint32_t>(ros::State::active);
   std::error_code ec;
@@ -352,9 +352,9 @@ void CanSwitcherNode::watch_holder() {
   HolderWatch& watch = holders_[holder->slot];
   if (watch.process != holder->process) {
     watch = HolderWatch{.process = holder->process};
-    const auto instance = ros::find_instance(var(), rotation_->slots()[holder->slot].payload);
+    const auto instance = suite::find_instance(var(), rotation_->slots()[holder->slot].payload);
     if (instance && instance->incarnation == holder->process)
-      watch.cpu = ros::ProcessCpu::open(instance->pid);
+      watch.cpu = suite::ProcessCpu::open(instance->pid);
   }
   if (!watch.cpu) return;
   const auto totals = watch.cpu->read(true, monotonic_now());
@@ -527,7 +527,7 @@ void CanSwitcherNode::run(FenceActions actions) {
 void CanSwitcherNode::carry_out(const KillHolder& action) {
   exit_watch_.reset();
   HolderKill kill = kill_holder([&]() -> std::optional<pid_t> {
-    const auto instance = ros::find_instance(var(), action.payload);
+    const auto instance = suite::find_instance(var(), action.payload);
     if (!instance || !is_holder(instance->incarnation, action.process)) return std::nullopt;
     return instance->pid;
   });
@@ -594,7 +594,7 @@ void CanSwitcherNode::listen() {
   listener_->listen();
   if (!power_cut_) return;
   const auto attended = [this](std::string_view payload) {
-    return ros::find_instance(var(), std::string(payload)).has_value();
+    return suite::find_instance(var(), std::string(payload)).has_value();
   };
   for (const hw::Peripheral* peripheral : listener_->unattended().babbling(attended))
     power_cut_->cut(*peripheral);
@@ -660,7 +660,8 @@ void CanSwitcherNode::publish_housekeeping() {
   hk.ticks_substituted = ticks.substitutes;
   hk.ticks_superseded = ticks.made;
   hk.tick_outages = ticks.outages;
-  publish_telemetry(ros::telemetry_message(name(), hk, hk.cycle, time_.utc_at(now()), time_.valid(), now()));
+  publish_telemetry(
+      suite::telemetry_message(name(), hk, hk.cycle, time_.utc_at(now()), time_.valid(), now()));
 }
 
 void CanSwitcherNode::publish_bus_statistics() {
@@ -701,7 +702,8 @@ void CanSwitcherNode::publish_bus_statistics() {
     }
     use.used = use.allotted = nanoseconds(0);
   }
-  publish_telemetry(ros::telemetry_message(name(), hk, hk.cycle, time_.utc_at(now()), time_.valid(), now()));
+  publish_telemetry(
+      suite::telemetry_message(name(), hk, hk.cycle, time_.utc_at(now()), time_.valid(), now()));
 }
 
 void CanSwitcherNode::report_flood(BusMeter::Flood flood) {

@@ -15,18 +15,18 @@
 #include "nodes/can_switcher/task_flag_rotation.hpp"
 #include "nodes/can_switcher/tick_holdover.hpp"
 #include "nodes/can_switcher/transmit_drain.hpp"
-#include "ros/mission_time.hpp"
-#include "ros/node.hpp"
-#include "ros/ring/process_cpu.hpp"
+#include "suite/mission_time.hpp"
+#include "suite/node.hpp"
+#include "suite/ring/process_cpu.hpp"
 
 namespace srfs {
 
 /// On each tick grants the CAN bus to one payload (README.md).
-class CanSwitcherNode : public ros::LifecycleNode {
+class CanSwitcherNode : public suite::Node {
  public:
-  explicit CanSwitcherNode(ros::NodeContext& context);
+  explicit CanSwitcherNode(suite::NodeContext& context);
   /// The rotation's deadline that has passed.
-  [[nodiscard]] ros::WorkStatus work_status() const override;
+  [[nodiscard]] suite::WorkStatus work_status() const override;
   /// Payloads that were added get their slot from the next grant on, those that were removed lose it.
   void on_deployment_changed() override;
 
@@ -113,7 +113,7 @@ class CanSwitcherNode : public ros::LifecycleNode {
   /// The work thread of the process that holds the bus, as of its grant.
   struct HolderWatch {
     std::uint32_t process = 0;  ///< its incarnation; 0: not known
-    std::optional<ros::ProcessCpu> cpu{};
+    std::optional<suite::ProcessCpu> cpu{};
     GrantId grant{};  ///< or recall
     CpuTotals at_grant{};
   };
@@ -137,7 +137,7 @@ class CanSwitcherNode : public ros::LifecycleNode {
   std::optional<PowerCut> power_cut_;  ///< none: the deployment has no GPIO
   std::uint32_t peripherals_cut_ = 0;
   std::uint32_t failed_cuts_ = 0;
-  ros::MissionTime time_;
+  suite::MissionTime time_;
   LatencyHistogram flag_latency_;
   std::uint32_t resets_sent_ = 0;
   std::uint32_t meaningless_statuses_ = 0;  ///< with a status outside its enumeration

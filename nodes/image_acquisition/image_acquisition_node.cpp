@@ -49,8 +49,8 @@ CaptureRequest request_of(const srfs_msgs::action::CaptureImage::Goal& goal) {
 
 }  // namespace
 
-ImageAcquisitionNode::ImageAcquisitionNode(ros::NodeContext& context, CameraOpener open_camera)
-    : LifecycleNode(context), open_camera_(std::move(open_camera)) {
+ImageAcquisitionNode::ImageAcquisitionNode(suite::NodeContext& context, CameraOpener open_camera)
+    : Node(context), open_camera_(std::move(open_camera)) {
   declare_parameter("store_quota_mib", std::int64_t{512}, ros::ParameterRange{1, 1'048'576},
                     "Total size of the stored frames", true);
   declare_parameter("frame_patience_ms", std::int64_t{3000}, ros::ParameterRange{10, 60'000},
@@ -78,12 +78,12 @@ CallbackReturn ImageAcquisitionNode::on_configure() {
   camera_worker_ = create_worker("camera", camera_queue, deadline);
   store_worker_ = create_background_worker("frame_store", store_queue, deadline);
   open_store();
-  images_ = create_publisher(ros::topics::image_raw);
-  ticks_ = create_subscription(ros::topics::time_tick, [this](const srfs_msgs::msg::TimeTick& tick) {
+  images_ = create_publisher(suite::topics::image_raw);
+  ticks_ = create_subscription(suite::topics::time_tick, [this](const srfs_msgs::msg::TimeTick& tick) {
     time_.on_tick(tick);
     if (scheduler_.has_waiting()) drive();
   });
-  adcs_ = create_subscription(ros::topics::telemetry("payload_adcs"),
+  adcs_ = create_subscription(suite::topics::telemetry("payload_adcs"),
                               [this](const srfs_msgs::msg::PayloadTelemetry& m) { on_adcs_telemetry(m); });
   ros::ActionHandlers<Capture> handlers;
   handlers.goal = [](const ros::GoalId&, const Capture::Goal&) {
@@ -428,7 +428,7 @@ void ImageAcquisitionNode::publish_housekeeping() {
   h.store_mib = as_u32(store_figures_.octets >> 20);
   h.store_removed = as_u32(store_figures_.removed);
   publish_telemetry(
-      ros::telemetry_message(name(), h, time_.cycle(), time_.utc_at(now()), time_.valid(), now()));
+      suite::telemetry_message(name(), h, time_.cycle(), time_.utc_at(now()), time_.valid(), now()));
   if (scheduler_.is_idle() && std::exchange(keeps_frames_, false)) malloc_trim(0);  // what frames took
 }
 

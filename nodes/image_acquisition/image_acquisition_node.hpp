@@ -17,20 +17,20 @@
 #include "nodes/image_acquisition/capture_scheduler.hpp"
 #include "nodes/image_acquisition/frame_header.hpp"
 #include "nodes/image_acquisition/frame_store.hpp"
-#include "ros/image_topics.hpp"
-#include "ros/mission_time.hpp"
-#include "ros/node.hpp"
+#include "suite/image_topics.hpp"
+#include "suite/mission_time.hpp"
+#include "suite/node.hpp"
 
 namespace srfs {
 
 /// Takes frames at the commanded UTC, stores and publishes them (README.md). The camera is one worker's, the
 /// store another's: the work thread decides what comes next and waits for neither.
-class ImageAcquisitionNode : public ros::LifecycleNode {
+class ImageAcquisitionNode : public suite::Node {
  public:
   using CameraOpener = std::function<Result<std::unique_ptr<hw::Camera>, hw::HwError>(
       std::string_view uri, const std::filesystem::path& var_dir)>;
 
-  explicit ImageAcquisitionNode(ros::NodeContext& context, CameraOpener open_camera = hw::open_camera);
+  explicit ImageAcquisitionNode(suite::NodeContext& context, CameraOpener open_camera = hw::open_camera);
 
   /// The last job of a deactivation has ended: the camera is closed, all frames are on the disk.
   [[nodiscard]] bool is_at_rest() const override { return scheduler_.is_at_rest(); }
@@ -89,7 +89,7 @@ class ImageAcquisitionNode : public ros::LifecycleNode {
   void release();
 
   CameraOpener open_camera_;
-  ros::MissionTime time_;
+  suite::MissionTime time_;
   std::optional<FrameFacts::Attitude> attitude_;
   MonotonicTime attitude_at_;
 

@@ -3,5 +3,5 @@
 #include "nodes/image_acquisition/image_acquisition_node.hpp"
 
 int main(int argc, char** argv) {
-  return srfs::ros::run_node<srfs::ImageAcquisitionNode>(argc, argv);
+  return srfs::suite::run_node<srfs::ImageAcquisitionNode>(argc, argv);
 }

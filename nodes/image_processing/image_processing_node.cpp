@@ -20,7 +20,7 @@ constexpr std::size_t longest_reason = 120;
 constexpr std::size_t longest_file = 64;
 constexpr std::uint64_t mebibyte = 1U << 20;
 
-std::filesystem::path images_of(const ros::VarPaths& var) {
+std::filesystem::path images_of(const suite::VarPaths& var) {
   return var.root / "images";
 }
 
@@ -40,7 +40,7 @@ srfs_msgs::msg::ImageStreak to_message(const image::Streak& s) {
 
 }  // namespace
 
-ImageProcessingNode::ImageProcessingNode(ros::NodeContext& context) : LifecycleNode(context) {
+ImageProcessingNode::ImageProcessingNode(suite::NodeContext& context) : Node(context) {
   declare_parameter("product_quota_mib", std::int64_t{64}, ros::ParameterRange{1, 1'000'000},
                     "Total size of the products on board; the oldest task's are removed first", true);
   declare_parameter("frame_pixels_max", std::int64_t{6'000'000},
@@ -63,8 +63,8 @@ CallbackReturn ImageProcessingNode::on_configure() {
     set_failure_reason("a step of an earlier task has not ended yet");
     return CallbackReturn::failure;
   }
-  detections_ = create_publisher(ros::topics::image_detections);
-  ticks_ = create_subscription(ros::topics::time_tick,
+  detections_ = create_publisher(suite::topics::image_detections);
+  ticks_ = create_subscription(suite::topics::time_tick,
                                [this](const srfs_msgs::msg::TimeTick& tick) { time_.on_tick(tick); });
   ros::ActionHandlers<Process> handlers;
   handlers.goal = [this](const ros::GoalId&, const Process::Goal&) {
@@ -290,7 +290,7 @@ void ImageProcessingNode::abort_all() {
 
 void ImageProcessingNode::publish_housekeeping() {
   publish_telemetry(
-      ros::telemetry_message(name(), counters_, time_.cycle(), time_.utc_at(now()), time_.valid(), now()));
+      suite::telemetry_message(name(), counters_, time_.cycle(), time_.utc_at(now()), time_.valid(), now()));
   // What frames took goes back to the system: between tasks that is three quarters of this node's memory.
   if (!running_ && std::exchange(keeps_frames_, false)) malloc_trim(0);
 }

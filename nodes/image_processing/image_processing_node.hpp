@@ -11,15 +11,15 @@
 #include <srfs_msgs/msg/image_detections.hpp>
 
 #include "nodes/image_processing/image_task.hpp"
-#include "ros/mission_time.hpp"
-#include "ros/node.hpp"
+#include "suite/mission_time.hpp"
+#include "suite/node.hpp"
 
 namespace srfs {
 
 /// Serves /image/process: one goal at a time on a worker, frame by frame, the others wait (README.md).
-class ImageProcessingNode : public ros::LifecycleNode {
+class ImageProcessingNode : public suite::Node {
  public:
-  explicit ImageProcessingNode(ros::NodeContext& context);
+  explicit ImageProcessingNode(suite::NodeContext& context);
 
   /// The step that ran at a deactivation, or a cleanup, has ended.
   [[nodiscard]] bool is_at_rest() const override;
@@ -69,7 +69,7 @@ class ImageProcessingNode : public ros::LifecycleNode {
   std::shared_ptr<ros::Publisher<srfs_msgs::msg::ImageDetections>> detections_;
   std::shared_ptr<ros::Subscription<srfs_msgs::msg::TimeTick>> ticks_;
   ros::Timer housekeeping_timer_;
-  ros::MissionTime time_;
+  suite::MissionTime time_;
   std::deque<Goal> waiting_;  // as many as the action server lets in
   std::optional<Running> running_;
   bool keeps_frames_ = false;  ///< memory of a task that ended

@@ -3,5 +3,5 @@
 #include "nodes/image_processing/image_processing_node.hpp"
 
 int main(int argc, char** argv) {
-  return srfs::ros::run_node<srfs::ImageProcessingNode>(argc, argv);
+  return srfs::suite::run_node<srfs::ImageProcessingNode>(argc, argv);
 }

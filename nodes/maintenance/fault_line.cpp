@@ -18,10 +18,10 @@ std::uint32_t as_ms(const std::optional<nanoseconds>& duration) {
 
 }  // namespace
 
-mission::RingFaultHousekeeping to_mission(const ros::FaultRecord& record) {
+mission::RingFaultHousekeeping to_mission(const suite::FaultRecord& record) {
   mission::RingFaultHousekeeping line;
   line.sequence = record.sequence;
-  line.recovered = record.kind == ros::FaultRecord::Kind::active;
+  line.recovered = record.kind == suite::FaultRecord::Kind::active;
   line.utc_s = static_cast<std::uint64_t>(std::max<std::int64_t>(record.utc.ns() / 1'000'000'000, 0));
   line.observer = record.observer.substr(0, longest_name);
   line.node = record.subject.substr(0, longest_name);

@@ -4,11 +4,11 @@
 
 #include <mission/structures.hpp>
 
-#include "ros/ring/fault_ledger.hpp"
+#include "suite/ring/fault_ledger.hpp"
 
 namespace srfs {
 
 /// A line of the ledger as the ground gets it; what the structure has no room for is cut. Pure.
-[[nodiscard]] mission::RingFaultHousekeeping to_mission(const ros::FaultRecord& record);
+[[nodiscard]] mission::RingFaultHousekeeping to_mission(const suite::FaultRecord& record);
 
 }  // namespace srfs

@@ -3,5 +3,5 @@
 #include "nodes/maintenance/maintenance_node.hpp"
 
 int main(int argc, char** argv) {
-  return srfs::ros::run_node<srfs::MaintenanceNode>(argc, argv);
+  return srfs::suite::run_node<srfs::MaintenanceNode>(argc, argv);
 }

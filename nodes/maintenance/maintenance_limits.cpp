@@ -7,7 +7,7 @@
 #include "nodes/maintenance/limit_watch.hpp"
 #include "nodes/maintenance/maintenance_node.hpp"
 #include "nodes/maintenance/version_rules.hpp"
-#include "ros/node_versions.hpp"
+#include "suite/node_versions.hpp"
 
 namespace srfs {
 
@@ -39,17 +39,17 @@ void MaintenanceNode::open_limits() {
 void MaintenanceNode::watch_limits(std::shared_ptr<Limits> limits) {
   limits_ = std::move(limits);
   const auto keep = [this](auto subscription) { limits_->subscriptions.push_back(std::move(subscription)); };
-  keep(create_subscription(ros::topics::event, [this](const srfs_msgs::msg::Event& m) {
+  keep(create_subscription(suite::topics::event, [this](const srfs_msgs::msg::Event& m) {
     if (deployment().find(m.source) == nullptr) return;
     const mission::Event* event = limits_->dictionary.event(m.event_id);
-    const auto started = ros::last_started(var(), m.source);
+    const auto started = suite::last_started(var(), m.source);
     if (event == nullptr || !started) return;
     if (const auto blame = limits_->watch.on_event(m.source, *event, started->since, now()))
       blame_version(m.source, *blame);
   }));
-  for (const ros::NodeEntry& node : deployment().nodes) {
+  for (const suite::NodeEntry& node : deployment().nodes) {
     if (node.name == name()) continue;
-    keep(create_subscription(ros::topics::telemetry(node.name),
+    keep(create_subscription(suite::topics::telemetry(node.name),
                              [this, node = node.name](const srfs_msgs::msg::PayloadTelemetry& m) {
                                if (m.source == node) on_sample(m);
                              }));
@@ -61,7 +61,7 @@ void MaintenanceNode::on_sample(const srfs_msgs::msg::PayloadTelemetry& message)
   const mission::Structure* structure = limits_->dictionary.structure(message.structure_id);
   if (structure == nullptr || !has_hard_limits(*structure)) return;
   const auto fields = limits_->dictionary.decode(*structure, message.data);
-  const auto started = ros::last_started(var(), message.source);
+  const auto started = suite::last_started(var(), message.source);
   if (!fields || !started) return;
   if (const auto blame = limits_->watch.on_sample(message.source, *structure, *fields, started->since, now()))
     blame_version(message.source, *blame);
@@ -69,13 +69,13 @@ void MaintenanceNode::on_sample(const srfs_msgs::msg::PayloadTelemetry& message)
 
 /// Leaves word for the observers of the node; whether its version is on probation they look for themselves.
 void MaintenanceNode::blame_version(const std::string& node, const std::string& violation) {
-  const auto table = ros::read_versions(var(), node).table;
-  const auto trial = ros::trial_of(var(), deployment().ring, node, table, true, now());
+  const auto table = suite::read_versions(var(), node).table;
+  const auto trial = suite::trial_of(var(), deployment().ring, node, table, true, now());
   if (!is_on_probation(trial)) return;
-  const auto started = ros::last_started(var(), node);
-  if (!started || ros::violation_of(var(), node, started->pid)) return;
+  const auto started = suite::last_started(var(), node);
+  if (!started || suite::violation_of(var(), node, started->pid)) return;
   log::warn("{}: blaming version {} for {}", node, trial->version, violation);
-  ros::report_violation(var(), node, started->pid, violation);
+  suite::report_violation(var(), node, started->pid, violation);
 }
 
 void MaintenanceNode::close_limits() {

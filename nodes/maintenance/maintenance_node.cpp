@@ -12,7 +12,7 @@
 #include "nodes/maintenance/scrub_list.hpp"
 #include "nodes/maintenance/suite_files.hpp"
 #include "nodes/maintenance/update_line.hpp"
-#include "ros/mission_time.hpp"
+#include "suite/mission_time.hpp"
 
 namespace srfs {
 namespace {
@@ -31,7 +31,7 @@ constexpr std::size_t longest_reason = 150;
 
 }  // namespace
 
-MaintenanceNode::MaintenanceNode(ros::NodeContext& context) : CommandedNode(context) {
+MaintenanceNode::MaintenanceNode(suite::NodeContext& context) : CommandedNode(context) {
   declare_scrubbing();
 }
 

@@ -14,10 +14,10 @@
 
 #include "base/action_queue.hpp"
 #include "base/child_process.hpp"
-#include "commanding/commanded_node.hpp"
 #include "nodes/maintenance/scrub_schedule.hpp"
 #include "nodes/maintenance/suite_files.hpp"
 #include "nodes/maintenance/update_transaction.hpp"
+#include "suite/commanding/commanded_node.hpp"
 #include "update/scrubber.hpp"
 
 namespace srfs {
@@ -27,7 +27,7 @@ namespace srfs {
 /// not rot.
 class MaintenanceNode : public CommandedNode {
  public:
-  explicit MaintenanceNode(ros::NodeContext& context);
+  explicit MaintenanceNode(suite::NodeContext& context);
 
  protected:
   ros::CallbackReturn on_configure() override;

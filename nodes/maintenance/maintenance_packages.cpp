@@ -17,10 +17,10 @@
 #include "nodes/maintenance/report_downlink.hpp"
 #include "nodes/maintenance/update_line.hpp"
 #include "nodes/maintenance/version_rules.hpp"
-#include "ros/launcher.hpp"
-#include "ros/node_addition.hpp"
-#include "ros/node_versions.hpp"
-#include "ros/ring/heartbeat_page.hpp"
+#include "suite/launcher.hpp"
+#include "suite/node_addition.hpp"
+#include "suite/node_versions.hpp"
+#include "suite/ring/heartbeat_page.hpp"
 
 namespace srfs {
 namespace {
@@ -36,11 +36,11 @@ constexpr auto longest_wait_for_lock = seconds(3);
 constexpr std::size_t longest_line = 200;
 constexpr std::size_t largest_report = 64U << 10;
 /// Waits for disks and locks, so it runs on the worker.
-Result<StoredProgram, std::string> store(const ros::VarPaths& var, const update::Update& u,
+Result<StoredProgram, std::string> store(const suite::VarPaths& var, const update::Update& u,
                                          const std::filesystem::path& program) {
   std::optional<update::Version> version;
   const auto stored =
-      ros::change_versions(var, u.node, [&](update::VersionStore& store) -> Result<void, std::string> {
+      suite::change_versions(var, u.node, [&](update::VersionStore& store) -> Result<void, std::string> {
         const auto number = store.add(program, origin_of(u), system_utc_now());
         if (!number) return Err(number.error());
         const auto table = store.read().table;
@@ -54,35 +54,35 @@ Result<StoredProgram, std::string> store(const ros::VarPaths& var, const update:
 
 using Swapped = Result<std::optional<StartedProgram>, std::string>;
 
-Swapped swap(const update::Update& u, const ros::Deployment& deployment, const ros::VarPaths& var,
+Swapped swap(const update::Update& u, const suite::Deployment& deployment, const suite::VarPaths& var,
              const std::string& self) {
-  const ros::NodeEntry* node = deployment.find(u.node);
+  const suite::NodeEntry* node = deployment.find(u.node);
   if (node == nullptr) return Err(std::string("the deployment has no such node"));
-  const ros::LaunchRequest request{deployment, var, ros::suite_bin_folder(),
-                                   fmt::format("version {} from {}", u.version, u.file)};
-  const auto launched = ros::use_version(request, *node, u.version, u.probation, self);
+  const suite::LaunchRequest request{deployment, var, suite::suite_bin_folder(),
+                                     fmt::format("version {} from {}", u.version, u.file)};
+  const auto launched = suite::use_version(request, *node, u.version, u.probation, self);
   if (!launched) return Err(launched.error());
   if (!*launched) return std::optional<StartedProgram>();
-  const ros::Launched& l = **launched;
+  const suite::Launched& l = **launched;
   return std::optional(
-      StartedProgram{l.pid, l.version, l.fallback ? ros::to_text(*l.fallback) : std::string(), l.stopped});
+      StartedProgram{l.pid, l.version, l.fallback ? suite::to_text(*l.fallback) : std::string(), l.stopped});
 }
 
-Swapped add(const AddProgram& action, const ros::Deployment& deployment, const ros::VarPaths& var) {
+Swapped add(const AddProgram& action, const suite::Deployment& deployment, const suite::VarPaths& var) {
   const update::Update& u = action.update;
-  const auto used = ros::change_versions(var, u.node, [&](update::VersionStore& store) {
+  const auto used = suite::change_versions(var, u.node, [&](update::VersionStore& store) {
     return store.use(u.version, u.probation, "another version was requested");
   });
   if (!used) return Err(used.error());
   if (const auto added =
-          ros::add_node(var, deployment, ros::added_node_of(action.manifest, action.dictionary));
+          suite::add_node(var, deployment, suite::added_node_of(action.manifest, action.dictionary));
       !added)
     return Err(added.error());
-  const auto reading = ros::load_deployment(deployment.file, var);
-  const ros::NodeEntry* entry = reading.deployment.find(u.node);
+  const auto reading = suite::load_deployment(deployment.file, var);
+  const suite::NodeEntry* entry = reading.deployment.find(u.node);
   if (entry == nullptr) return Err(std::string("it is not in the list of added nodes"));
-  const auto pid = ros::launch({reading.deployment, var, ros::suite_bin_folder(), "added by a package"},
-                               *entry, longest_wait_for_lock);
+  const auto pid = suite::launch({reading.deployment, var, suite::suite_bin_folder(), "added by a package"},
+                                 *entry, longest_wait_for_lock);
   if (!pid) return Err(pid.error());
   return std::optional(StartedProgram{*pid, u.version, {}, monotonic_now()});
 }
@@ -113,14 +113,14 @@ void MaintenanceNode::close_packages() {
 }
 
 LaneFolders MaintenanceNode::lane_folders() const {
-  const auto bin = ros::suite_bin_folder();
+  const auto bin = suite::suite_bin_folder();
   return {bin / "srfs-lane", bin.parent_path(), std::filesystem::absolute(var().root) / "update" / "job",
           std::filesystem::absolute(var().root) / "update" / "lane"};
 }
 
 IntakeRules MaintenanceNode::intake_rules() const {
   IntakeRules rules{var().root / "files", var().root / "keys" / "package.pub", {}, deployment().ring};
-  for (const ros::NodeEntry& node : deployment().nodes) rules.nodes.push_back(node.name);
+  for (const suite::NodeEntry& node : deployment().nodes) rules.nodes.push_back(node.name);
   return rules;
 }
 
@@ -129,7 +129,7 @@ void MaintenanceNode::resume_update() {
   if (!std::exchange(resume_pending_, false) || !transaction_->is_busy()) return;
   const std::string node = transaction_->update().node;
   log::warn("resuming the update of {} from {}", node, transaction_->update().file);
-  run(transaction_->resume(ros::read_versions(var(), node).table, deployment().find(node) != nullptr));
+  run(transaction_->resume(suite::read_versions(var(), node).table, deployment().find(node) != nullptr));
 }
 
 // ---------------------------------------------------------------- begin, end
@@ -201,9 +201,9 @@ void MaintenanceNode::carry_out(const TestProgram& action) {
 /// Writes the list of added nodes that a new node's self-test reads. @return why it cannot be
 std::optional<std::string> MaintenanceNode::describe_new_node(const TestProgram& action) const {
   if (action.manifest.kind != update::PackageKind::add) return std::nullopt;
-  ros::AddedNode node = ros::added_node_of(action.manifest, action.dictionary);
+  suite::AddedNode node = suite::added_node_of(action.manifest, action.dictionary);
   if (!node.slot.empty()) node.flag = deployment().slots.size();
-  const ros::AddedNodes list{1, {std::move(node)}};
+  const suite::AddedNodes list{1, {std::move(node)}};
   const auto written = write_file_atomically(lane_folders().added_nodes(), to_text(list));
   return written ? std::nullopt : std::optional(written.error().message);
 }
@@ -238,11 +238,11 @@ void MaintenanceNode::carry_out(const AwaitActive& action) {
       look_for_active,
       [this, action] {
         ProgramLook look;
-        const auto page = ros::HeartbeatPage::read(var(), action.update.node);
+        const auto page = suite::HeartbeatPage::read(var(), action.update.node);
         look.is_active = page && page->pid == action.pid && page->state != 0 && page->state == page->desired;
         const MonotonicTime seen = monotonic_now();
         if (!look.is_active) {
-          const auto table = ros::read_versions(var(), action.update.node).table;
+          const auto table = suite::read_versions(var(), action.update.node).table;
           if (const update::Version* version = table.find(action.update.version)) {
             look.version = version->state;
             look.reason = version->reason;
@@ -257,13 +257,13 @@ void MaintenanceNode::carry_out(const AwaitActive& action) {
 // ---------------------------------------------------------------- added nodes
 
 void MaintenanceNode::review_added_nodes() {
-  for (const ros::NodeEntry& node : deployment().nodes) {
+  for (const suite::NodeEntry& node : deployment().nodes) {
     if (!node.added || transaction_->is_busy()) continue;
-    const auto reason = why_removed(ros::read_versions(var(), node.name).table);
+    const auto reason = why_removed(suite::read_versions(var(), node.name).table);
     if (!reason) continue;
     log::error("removing {}: {}", node.name, *reason);
     (void)package_worker_->post(
-        [var = var(), node = node.name] { (void)ros::remove_node(var, node); },
+        [var = var(), node = node.name] { (void)suite::remove_node(var, node); },
         [this, node = node.name, reason = *reason] {
           raise(mission::UpdateRemovedEvent{.node = node, .reason = reason.substr(0, longest_update_text)});
         });

@@ -11,7 +11,7 @@
 #include "msgs/mission/dictionary.hpp"
 #include "nodes/maintenance/maintenance_node.hpp"
 #include "nodes/maintenance/scrub_list.hpp"
-#include "ros/launcher.hpp"
+#include "suite/launcher.hpp"
 
 namespace srfs {
 namespace {
@@ -24,7 +24,8 @@ constexpr std::size_t longest_build = 40;
 
 std::filesystem::path library_folder() {
   Dl_info self{};
-  if (dladdr(reinterpret_cast<const void*>(&ros::suite_bin_folder), &self) == 0 || self.dli_fname == nullptr)
+  if (dladdr(reinterpret_cast<const void*>(&suite::suite_bin_folder), &self) == 0 ||
+      self.dli_fname == nullptr)
     return {};
   return std::filesystem::absolute(self.dli_fname).parent_path();
 }
@@ -66,12 +67,12 @@ void MaintenanceNode::close_scrubbing() {
 void MaintenanceNode::carry_out(const CheckSlice& action) {
   scrub_timer_.reset();
   auto slice = std::make_shared<ScrubSchedule::Slice>();
-  auto deployment = action.begins ? std::make_shared<const ros::Deployment>(this->deployment()) : nullptr;
+  auto deployment = action.begins ? std::make_shared<const suite::Deployment>(this->deployment()) : nullptr;
   const bool taken = scrub_worker_->post(
       [var = var(), deployment, scrubber = scrubber_, begins = action.begins, slice] {
         const UtcTime at = system_utc_now();
         if (begins) {
-          const Installation installation{ros::suite_bin_folder(), library_folder(),
+          const Installation installation{suite::suite_bin_folder(), library_folder(),
                                           mission::Dictionary::default_folder()};
           scrubber->begin(files_to_scrub(*deployment, var, installation), *begins, at);
           slice->more = scrubber->status().running;

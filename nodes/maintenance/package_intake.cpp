@@ -14,7 +14,7 @@
 
 #include "base/sha256.hpp"
 #include "cfdp/rooted_path.hpp"
-#include "ros/node_versions.hpp"
+#include "suite/node_versions.hpp"
 #include "update/package_keys.hpp"
 
 namespace srfs {
@@ -93,9 +93,9 @@ Result<Intake, IntakeFailure> take_in_package(const IntakeRules& rules, const st
   intake.update.counter = manifest.counter;
   intake.update.probation = manifest.probation;
   // Of a node that the operator has to confirm the package cannot shorten the time for it.
-  if (ros::needs_confirmation(rules.ring, manifest.node)) {
+  if (suite::needs_confirmation(rules.ring, manifest.node)) {
     intake.update.probation = std::max(
-        manifest.probation, std::chrono::ceil<seconds>(ros::default_probation(rules.ring, manifest.node)));
+        manifest.probation, std::chrono::ceil<seconds>(suite::default_probation(rules.ring, manifest.node)));
   }
   intake.update.octets = content->size();
   return intake;

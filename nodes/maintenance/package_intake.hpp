@@ -9,9 +9,9 @@
 #include <mission/structures.hpp>
 
 #include "base/result.hpp"
-#include "commanding/telecommand_journal.hpp"
 #include "nodes/maintenance/lane_call.hpp"
-#include "ros/deployment.hpp"
+#include "suite/commanding/telecommand_journal.hpp"
+#include "suite/deployment.hpp"
 #include "update/update_journal.hpp"
 
 namespace srfs {
@@ -23,7 +23,7 @@ struct IntakeRules {
   std::filesystem::path files;       ///< the folder of files
   std::filesystem::path public_key;  ///< 64 hexadecimal digits
   std::vector<std::string> nodes;    ///< of the suite
-  ros::RingSettings ring;            ///< whose versions the operator confirms
+  suite::RingSettings ring;          ///< whose versions the operator confirms
 };
 
 struct Intake {

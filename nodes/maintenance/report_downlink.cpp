@@ -51,9 +51,9 @@ int copy_into(const std::filesystem::path& from, const std::filesystem::path& to
 
 }  // namespace
 
-const ros::CrashReport* choose_report(const std::vector<ros::CrashReport>& reports,
-                                      std::optional<std::uint32_t> incarnation) {
-  const auto found = std::find_if(reports.rbegin(), reports.rend(), [&](const ros::CrashReport& report) {
+const suite::CrashReport* choose_report(const std::vector<suite::CrashReport>& reports,
+                                        std::optional<std::uint32_t> incarnation) {
+  const auto found = std::find_if(reports.rbegin(), reports.rend(), [&](const suite::CrashReport& report) {
     return !incarnation || report.incarnation == *incarnation;
   });
   return found == reports.rend() ? nullptr : &*found;

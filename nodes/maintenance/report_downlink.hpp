@@ -9,7 +9,7 @@
 #include <vector>
 
 #include "base/result.hpp"
-#include "ros/crash_report.hpp"
+#include "suite/crash_report.hpp"
 
 namespace srfs {
 
@@ -19,8 +19,8 @@ constexpr std::size_t queued_reports_max = 16;
 /// Which of a node's reports goes down; nullptr: there is none. Pure.
 /// @param reports  oldest first, as find_crash_reports() gives them
 /// @param incarnation  nullopt: the newest
-[[nodiscard]] const ros::CrashReport* choose_report(const std::vector<ros::CrashReport>& reports,
-                                                    std::optional<std::uint32_t> incarnation);
+[[nodiscard]] const suite::CrashReport* choose_report(const std::vector<suite::CrashReport>& reports,
+                                                      std::optional<std::uint32_t> incarnation);
 
 struct QueuedReport {
   std::string name;  ///< NAME.report, in the outbox and on the ground

@@ -6,7 +6,7 @@
 
 #include <fmt/format.h>
 
-#include "ros/node_versions.hpp"
+#include "suite/node_versions.hpp"
 
 namespace srfs {
 namespace {
@@ -36,19 +36,20 @@ T limited(std::uint64_t value) {
 
 }  // namespace
 
-std::vector<ScrubFile> files_to_scrub(const ros::Deployment& deployment, const ros::VarPaths& var,
+std::vector<ScrubFile> files_to_scrub(const suite::Deployment& deployment, const suite::VarPaths& var,
                                       const Installation& installation) {
   std::vector<ScrubFile> files;
   files.push_back({deployment.file, ScrubKind::text, {}});
   add_files(files, installation.bin_folder, ScrubKind::program,
             [](const path& file) { return file.filename() == "srfs" || file.filename() == "srfs-lane"; });
-  for (const ros::NodeEntry& node : deployment.nodes) {
+  for (const suite::NodeEntry& node : deployment.nodes) {
     if (!node.executable.empty())  // an added node has its programs in the version store alone
       files.push_back({installation.bin_folder / node.executable, ScrubKind::program, {}});
-    const auto versions = ros::read_versions(var, node.name);
+    const auto versions = suite::read_versions(var, node.name);
     for (const update::Version& version : versions.table.versions()) {
-      files.push_back({ros::versions_folder(var, node.name) / fmt::format("{}.{}", node.name, version.number),
-                       ScrubKind::version, version.sha256});
+      files.push_back(
+          {suite::versions_folder(var, node.name) / fmt::format("{}.{}", node.name, version.number),
+           ScrubKind::version, version.sha256});
     }
   }
   add_files(files, installation.library_folder, ScrubKind::program, [](const path& file) {

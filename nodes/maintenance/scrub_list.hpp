@@ -7,8 +7,8 @@
 
 #include <mission/structures.hpp>
 
-#include "ros/deployment.hpp"
-#include "ros/instance.hpp"
+#include "suite/deployment.hpp"
+#include "suite/instance.hpp"
 #include "update/scrubber.hpp"
 
 namespace srfs {
@@ -23,8 +23,8 @@ struct Installation {
 /// What must not rot: the golden programs of all nodes, `srfs` and `srfs-lane`, the suite's libraries, stored
 /// versions, keys, the deployment file, the mission dictionary. Of what is gone only the programs are named:
 /// the manifest knows the rest. Blocks on the disk.
-[[nodiscard]] std::vector<update::ScrubFile> files_to_scrub(const ros::Deployment& deployment,
-                                                            const ros::VarPaths& var,
+[[nodiscard]] std::vector<update::ScrubFile> files_to_scrub(const suite::Deployment& deployment,
+                                                            const suite::VarPaths& var,
                                                             const Installation& installation);
 
 /// As the ground gets it; what the structure has no room for is cut. Pure.

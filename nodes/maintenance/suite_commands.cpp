@@ -9,7 +9,7 @@
 #include <fmt/format.h>
 
 #include "nodes/maintenance/generation_line.hpp"
-#include "ros/node_versions.hpp"
+#include "suite/node_versions.hpp"
 
 namespace srfs {
 namespace {
@@ -24,7 +24,7 @@ FailureCode failure_of(const mission::ArgumentError& error) {
 }
 
 template <class Command>
-FailureCode check(OctetView arguments, const ros::Deployment& deployment) {
+FailureCode check(OctetView arguments, const suite::Deployment& deployment) {
   const auto command = Command::decode(arguments);
   if (!command) return failure_of(command.error());
   if constexpr (requires { command->node; }) {
@@ -42,12 +42,12 @@ FailureCode check(OctetView arguments, const ros::Deployment& deployment) {
 /// What is known beside the arguments.
 struct Context {
   const StoredTelecommand& telecommand;
-  const ros::Deployment& deployment;
+  const suite::Deployment& deployment;
 };
 
 struct Handler {
   std::uint16_t function;
-  FailureCode (*check)(OctetView arguments, const ros::Deployment& deployment);
+  FailureCode (*check)(OctetView arguments, const suite::Deployment& deployment);
   SuiteActions (*decide)(const Context& context);
 };
 
@@ -83,14 +83,14 @@ constexpr auto set_log_level = [](const mission::NodeSetLogLevel& c, const Conte
 };
 
 constexpr auto use_version = [](const mission::NodeUseVersion& c, const Context& context) -> SuiteActions {
-  return {UseVersion{
-      c.node, c.version,
-      c.probation_s == 0 ? ros::default_probation(context.deployment.ring, c.node) : seconds(c.probation_s)}};
+  return {UseVersion{c.node, c.version,
+                     c.probation_s == 0 ? suite::default_probation(context.deployment.ring, c.node)
+                                        : seconds(c.probation_s)}};
 };
 
 constexpr auto use_previous = [](const mission::NodePreviousVersion& c,
                                  const Context& context) -> SuiteActions {
-  return {UseVersion{c.node, std::nullopt, ros::default_probation(context.deployment.ring, c.node)}};
+  return {UseVersion{c.node, std::nullopt, suite::default_probation(context.deployment.ring, c.node)}};
 };
 
 constexpr auto confirm = [](const mission::NodeConfirmVersion& c, const Context& context) -> SuiteActions {
@@ -100,7 +100,7 @@ constexpr auto confirm = [](const mission::NodeConfirmVersion& c, const Context&
 
 /// One that is gone may have been removed by this telecommand, before the end of an earlier process.
 constexpr auto remove_node = [](const mission::NodeRemove& c, const Context& context) -> SuiteActions {
-  const ros::NodeEntry* const node = context.deployment.find(c.node);
+  const suite::NodeEntry* const node = context.deployment.find(c.node);
   if (node != nullptr && !node->added) return {AnswerTelecommand{mission::failure::not_added}};
   return {c};
 };
@@ -144,12 +144,12 @@ const Handler* find(std::uint16_t function) {
 
 }  // namespace
 
-FailureCode check_command(std::uint16_t function, OctetView arguments, const ros::Deployment& deployment) {
+FailureCode check_command(std::uint16_t function, OctetView arguments, const suite::Deployment& deployment) {
   const Handler* const handler = find(function);
   return handler == nullptr ? mission::failure::unknown_function : handler->check(arguments, deployment);
 }
 
-SuiteActions actions_of(const StoredTelecommand& telecommand, const ros::Deployment& deployment) {
+SuiteActions actions_of(const StoredTelecommand& telecommand, const suite::Deployment& deployment) {
   const Handler* const handler = find(telecommand.function);
   if (handler == nullptr) return {AnswerTelecommand{mission::failure::unknown_function}};
   return handler->decide({telecommand, deployment});

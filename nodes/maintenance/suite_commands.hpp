@@ -13,11 +13,11 @@
 #include <srfs_msgs/srv/save_parameters.hpp>
 
 #include "base/time.hpp"
-#include "commanding/telecommand_journal.hpp"
 #include "nodes/maintenance/encoded.hpp"
 #include "nodes/maintenance/report_downlink.hpp"
 #include "nodes/maintenance/update_transaction.hpp"
-#include "ros/deployment.hpp"
+#include "suite/commanding/telecommand_journal.hpp"
+#include "suite/deployment.hpp"
 
 namespace srfs {
 
@@ -82,11 +82,11 @@ using SuiteActions = std::vector<SuiteAction>;
 
 /// Why a telecommand is refused; mission::failure::none: it is not. Pure.
 [[nodiscard]] FailureCode check_command(std::uint16_t function, OctetView arguments,
-                                        const ros::Deployment& deployment);
+                                        const suite::Deployment& deployment);
 /// What a telecommand causes. One that a process of another version stored, and that this one does not know,
 /// is answered with why. Pure.
 [[nodiscard]] SuiteActions actions_of(const StoredTelecommand& telecommand,
-                                      const ros::Deployment& deployment);
+                                      const suite::Deployment& deployment);
 
 /// @param answer  nullptr: there was none in time
 [[nodiscard]] SuiteActions on_saved(const SaveNodeParameters& asked,

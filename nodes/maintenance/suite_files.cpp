@@ -9,10 +9,10 @@
 #include "nodes/maintenance/fault_line.hpp"
 #include "nodes/maintenance/version_line.hpp"
 #include "nodes/maintenance/version_rules.hpp"
-#include "ros/launcher.hpp"
-#include "ros/node_addition.hpp"
-#include "ros/node_versions.hpp"
-#include "ros/ring/node_record.hpp"
+#include "suite/launcher.hpp"
+#include "suite/node_addition.hpp"
+#include "suite/node_versions.hpp"
+#include "suite/ring/node_record.hpp"
 
 namespace srfs {
 namespace {
@@ -31,7 +31,7 @@ SuiteActions end_with(const Result<void, std::string>& result) {
 SuiteActions change_version(
     const SuiteFiles& suite, const std::string& node, update::VersionNumber version,
     Result<void, std::string> (update::VersionStore::*operation)(update::VersionNumber)) {
-  return end_with(ros::change_versions(
+  return end_with(suite::change_versions(
       suite.var, node, [&](update::VersionStore& store) { return (store.*operation)(version); }));
 }
 
@@ -52,22 +52,23 @@ FailureCode to_failure_code(QueueError error) {
 // ---------------------------------------------------------------- the ring
 
 SuiteActions perform(const mission::RingHold& order, const SuiteFiles& suite) {
-  return end_with(ros::hold(suite.var, suite.deployment, order.node, "held by telecommand", monotonic_now()));
+  return end_with(
+      suite::hold(suite.var, suite.deployment, order.node, "held by telecommand", monotonic_now()));
 }
 
 SuiteActions perform(const mission::RingRelease& order, const SuiteFiles& suite) {
-  return end_with(ros::release(suite.var, order.node, release_patience));
+  return end_with(suite::release(suite.var, order.node, release_patience));
 }
 
 SuiteActions perform(const mission::RingReleaseInactive& order, const SuiteFiles& suite) {
-  if (ros::find_instance(suite.var, order.node)) return {AnswerTelecommand{mission::failure::node_runs}};
-  const auto set =
-      ros::set_desired_state(suite.var, suite.deployment, order.node, ros::State::inactive, monotonic_now());
-  return end_with(set ? ros::release(suite.var, order.node, release_patience) : set);
+  if (suite::find_instance(suite.var, order.node)) return {AnswerTelecommand{mission::failure::node_runs}};
+  const auto set = suite::set_desired_state(suite.var, suite.deployment, order.node, ros::State::inactive,
+                                            monotonic_now());
+  return end_with(set ? suite::release(suite.var, order.node, release_patience) : set);
 }
 
 SuiteActions perform(const mission::RingReportFaults& order, const SuiteFiles& suite) {
-  const auto records = ros::FaultLedger(suite.var).read().records;
+  const auto records = suite::FaultLedger(suite.var).read().records;
   const std::size_t count = std::min<std::size_t>(order.count, records.size());
   SendLines newest;
   std::for_each(records.end() - static_cast<std::ptrdiff_t>(count), records.end(),
@@ -76,8 +77,8 @@ SuiteActions perform(const mission::RingReportFaults& order, const SuiteFiles& s
 }
 
 SuiteActions perform(const SendCrashReport& order, const SuiteFiles& suite) {
-  const auto reports = ros::find_crash_reports(suite.var, order.node);
-  const ros::CrashReport* report = choose_report(reports, order.incarnation);
+  const auto reports = suite::find_crash_reports(suite.var, order.node);
+  const suite::CrashReport* report = choose_report(reports, order.incarnation);
   if (report == nullptr) return {AnswerTelecommand{mission::failure::no_report}};
   const auto queued = queue_report(suite.var.root / "files" / "outbox",
                                    fmt::format("{}_{}", order.node, report->incarnation), report->file);
@@ -92,13 +93,13 @@ SuiteActions perform(const SendCrashReport& order, const SuiteFiles& suite) {
 // ---------------------------------------------------------------- versions
 
 SuiteActions perform(const UseVersion& order, const SuiteFiles& suite) {
-  const ros::NodeEntry* const node = suite.deployment.find(order.node);
+  const suite::NodeEntry* const node = suite.deployment.find(order.node);
   if (node == nullptr) return {AnswerTelecommand{mission::failure::unknown_node}};
-  const auto version = version_to_use(ros::read_versions(suite.var, order.node).table, order.version);
+  const auto version = version_to_use(suite::read_versions(suite.var, order.node).table, order.version);
   if (!version) return {AnswerTelecommand{mission::failure::no_version}};
-  const ros::LaunchRequest request{suite.deployment, suite.var, ros::suite_bin_folder(),
-                                   fmt::format("version {} by telecommand", *version)};
-  const auto used = ros::use_version(request, *node, *version, order.probation, suite.own_node);
+  const suite::LaunchRequest request{suite.deployment, suite.var, suite::suite_bin_folder(),
+                                     fmt::format("version {} by telecommand", *version)};
+  const auto used = suite::use_version(request, *node, *version, order.probation, suite.own_node);
   if (!used) return failed(fmt::format("version {} of {}: {}", *version, order.node, used.error()));
   if (*used && (*used)->fallback)
     return failed(fmt::format("{}: {}", order.node, to_text(*(*used)->fallback)));
@@ -109,21 +110,21 @@ SuiteActions perform(const UseVersion& order, const SuiteFiles& suite) {
 
 SuiteActions perform(const ConfirmVersion& order, const SuiteFiles& suite) {
   const auto end =
-      judge_confirmation(ros::read_versions(suite.var, order.node).table, order.version,
-                         ros::runs_since(suite.var, order.node, order.version),
-                         ros::needs_confirmation(suite.deployment.ring, order.node), order.accepted);
+      judge_confirmation(suite::read_versions(suite.var, order.node).table, order.version,
+                         suite::runs_since(suite.var, order.node, order.version),
+                         suite::needs_confirmation(suite.deployment.ring, order.node), order.accepted);
   if (end) return {AnswerTelecommand{*end}};
   return change_version(suite, order.node, order.version, &update::VersionStore::commit);
 }
 
 SuiteActions perform(const mission::NodeRemoveVersion& order, const SuiteFiles& suite) {
-  if (ros::read_versions(suite.var, order.node).table.find(order.version) == nullptr)
+  if (suite::read_versions(suite.var, order.node).table.find(order.version) == nullptr)
     return {AnswerTelecommand{mission::failure::no_version}};
   return change_version(suite, order.node, order.version, &update::VersionStore::remove);
 }
 
 SuiteActions perform(const mission::NodeReportVersions& order, const SuiteFiles& suite) {
-  const auto table = ros::read_versions(suite.var, order.node).table;
+  const auto table = suite::read_versions(suite.var, order.node).table;
   SendLines lines{{encode_line(to_mission(order.node, table, nullptr))}};
   for (const update::Version& version : table.versions())
     lines.lines.push_back(encode_line(to_mission(order.node, table, &version)));
@@ -131,7 +132,7 @@ SuiteActions perform(const mission::NodeReportVersions& order, const SuiteFiles&
 }
 
 SuiteActions perform(const mission::NodeRemove& order, const SuiteFiles& suite) {
-  return end_with(ros::remove_node(suite.var, order.node));
+  return end_with(suite::remove_node(suite.var, order.node));
 }
 
 }  // namespace srfs

@@ -7,16 +7,16 @@
 #include <string>
 
 #include "nodes/maintenance/suite_commands.hpp"
-#include "ros/deployment.hpp"
-#include "ros/instance.hpp"
+#include "suite/deployment.hpp"
+#include "suite/instance.hpp"
 #include "update/version_table.hpp"
 
 namespace srfs {
 
 /// The suite on disk and in processes, where telecommands change it.
 struct SuiteFiles {
-  ros::VarPaths var;
-  ros::Deployment deployment;
+  suite::VarPaths var;
+  suite::Deployment deployment;
   std::string own_node;  ///< that this process is
 };
 

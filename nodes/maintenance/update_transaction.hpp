@@ -14,9 +14,9 @@
 
 #include "base/result.hpp"
 #include "base/time.hpp"
-#include "commanding/telecommand_journal.hpp"
 #include "nodes/maintenance/lane_call.hpp"
 #include "nodes/maintenance/package_intake.hpp"
+#include "suite/commanding/telecommand_journal.hpp"
 #include "update/update_journal.hpp"
 
 namespace srfs {

@@ -27,7 +27,7 @@ std::optional<std::string> why_removed(const update::VersionTable& table) {
   return table.versions().empty() ? "no version left" : "rolled back: " + table.versions().back().reason;
 }
 
-bool is_on_probation(const std::optional<ros::VersionTrial>& trial) {
+bool is_on_probation(const std::optional<suite::VersionTrial>& trial) {
   return trial && (trial->lived < trial->probation || trial->to_confirm);
 }
 

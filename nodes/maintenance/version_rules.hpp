@@ -9,8 +9,8 @@
 
 #include "base/result.hpp"
 #include "base/time.hpp"
-#include "commanding/telecommand_journal.hpp"
-#include "ros/ring/restart_policy.hpp"
+#include "suite/commanding/telecommand_journal.hpp"
+#include "suite/ring/restart_policy.hpp"
 #include "update/version_table.hpp"
 
 namespace srfs {
@@ -36,6 +36,6 @@ namespace srfs {
 [[nodiscard]] std::optional<std::string> why_removed(const update::VersionTable& table);
 
 /// A limit violation counts against the version: its probation goes on. @param trial  nullopt: none
-[[nodiscard]] bool is_on_probation(const std::optional<ros::VersionTrial>& trial);
+[[nodiscard]] bool is_on_probation(const std::optional<suite::VersionTrial>& trial);
 
 }  // namespace srfs

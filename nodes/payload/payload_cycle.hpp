@@ -15,8 +15,8 @@
 #include "base/octets.hpp"
 #include "base/result.hpp"
 #include "base/time.hpp"
-#include "commanding/telecommand_journal.hpp"
 #include "nodes/payload/babble_monitor.hpp"
+#include "suite/commanding/telecommand_journal.hpp"
 #include "wire/peripheral_protocol.hpp"
 
 namespace srfs {

@@ -9,9 +9,9 @@
 
 #include "base/file.hpp"
 #include "base/saturate.hpp"
-#include "commanding/messages.hpp"
 #include "hw/open.hpp"
-#include "ros/state_files.hpp"
+#include "suite/commanding/messages.hpp"
+#include "suite/state_files.hpp"
 #include "wire/can_bits.hpp"
 
 namespace srfs {
@@ -73,8 +73,8 @@ std::string_view text_of(const Octets& octets) {
 
 }  // namespace
 
-PayloadNode::PayloadNode(ros::NodeContext& context, std::unique_ptr<PayloadProfile> profile)
-    : LifecycleNode(context), profile_(std::move(profile)) {
+PayloadNode::PayloadNode(suite::NodeContext& context, std::unique_ptr<PayloadProfile> profile)
+    : Node(context), profile_(std::move(profile)) {
   declare_parameters();
 }
 
@@ -154,8 +154,8 @@ bool PayloadNode::open_devices() {
 
 void PayloadNode::restore() {
   TelecommandJournal journal = read_journal(state_dir() / "telecommands");
-  (void)ros::read_state_file(
-      var(), name(), "processing", 65536, ros::TakenBack::yes,
+  (void)suite::read_state_file(
+      var(), name(), "processing", 65536, suite::TakenBack::yes,
       [this](const std::string& content) { return profile_->restore_state(octets_of(content)); });
   link_.emplace(profile_->peripheral().can_address);
   cycle_.emplace(
@@ -171,20 +171,20 @@ void PayloadNode::open_topics() {
   process_worker_ = create_worker("process", 4);
   store_worker_ = create_worker("store", 8);
   gpio_worker_ = create_worker("gpio", 4);
-  statuses_ = create_publisher(ros::topics::bus_status);
-  activities_ = create_publisher(ros::topics::activity(name()));
-  reports_ = create_publisher(ros::topics::telecommand_report);
-  ticks_ = create_subscription(ros::topics::time_tick,
+  statuses_ = create_publisher(suite::topics::bus_status);
+  activities_ = create_publisher(suite::topics::activity(name()));
+  reports_ = create_publisher(suite::topics::telecommand_report);
+  ticks_ = create_subscription(suite::topics::time_tick,
                                [this](const srfs_msgs::msg::TimeTick& m) { time_.on_tick(m); });
   flags_ = create_subscription(
-      ros::topics::task_flags,
+      suite::topics::task_flags,
       [this](const srfs_msgs::msg::TaskFlags& m, const ros::MessageInfo& info) { on_flags(m, info); });
-  resets_ = create_subscription(ros::topics::reset_peripheral, [this](
-                                                                   const srfs_msgs::msg::PeripheralReset& m) {
+  resets_ = create_subscription(suite::topics::reset_peripheral, [this](const srfs_msgs::msg::PeripheralReset&
+                                                                            m) {
     if (m.payload != name()) return;
     run(cycle_->on_peripheral_reset({m.switcher_incarnation, m.grant_counter}, m.reason, monotonic_now()));
   });
-  telecommands_ = create_subscription(ros::topics::telecommand,
+  telecommands_ = create_subscription(suite::topics::telecommand,
                                       [this](const srfs_msgs::msg::Telecommand& m) { on_telecommand(m); });
 }
 
@@ -273,7 +273,7 @@ bool PayloadNode::is_plausible(const srfs_msgs::msg::TaskFlags& flags) {
   // outside this plan may be at any free place; the other flags must fit.
   const bool known = flags.holder.empty() ||
                      std::any_of(slots.begin(), slots.end(),
-                                 [&](const ros::Slot& slot) { return slot.payload == flags.holder; });
+                                 [&](const suite::Slot& slot) { return slot.payload == flags.holder; });
   nanoseconds longest_lease = known ? nanoseconds(0) : longest_foreign_lease;
   std::size_t others = 0;
   for (std::size_t i = 0; i < std::max(slots.size(), flags.flags.size()); ++i) {
@@ -295,7 +295,7 @@ bool PayloadNode::is_plausible(const srfs_msgs::msg::TaskFlags& flags) {
   if (!lease_fits || !receipt_fits || microseconds(flags.allotted_us) > longest_lease) return false;
   if (flags.switcher_incarnation == believed_switcher_) return true;
   // A switcher not heard before must be the one that holds the switcher's instance lock.
-  const auto switcher = ros::find_instance(var(), "can_switcher");
+  const auto switcher = suite::find_instance(var(), "can_switcher");
   if (!switcher || switcher->incarnation != flags.switcher_incarnation) return false;
   believed_switcher_ = flags.switcher_incarnation;
   return true;
@@ -399,8 +399,8 @@ void PayloadNode::check_quiet() {
   run(cycle_->on_bus_quiet(monotonic_now()));
 }
 
-ros::WorkStatus PayloadNode::work_status() const {
-  ros::WorkStatus work;
+suite::WorkStatus PayloadNode::work_status() const {
+  suite::WorkStatus work;
   if (cycle_) work.done = cycle_->statistics().slots_granted;
   if (armed_ && *armed_ <= now()) {
     work.due = 1;

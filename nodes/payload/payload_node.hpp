@@ -14,19 +14,19 @@
 #include "nodes/payload/payload_profile.hpp"
 #include "nodes/payload/peripheral_link.hpp"
 #include "nodes/payload/sensor_inputs.hpp"
-#include "ros/mission_time.hpp"
-#include "ros/node.hpp"
+#include "suite/mission_time.hpp"
+#include "suite/node.hpp"
 
 namespace srfs {
 
 /// The adapter of every payload node: topics, CAN, GPIO and disk around PayloadCycle (README.md).
-class PayloadNode : public ros::LifecycleNode {
+class PayloadNode : public suite::Node {
  public:
-  PayloadNode(ros::NodeContext& context, std::unique_ptr<PayloadProfile> profile);
+  PayloadNode(suite::NodeContext& context, std::unique_ptr<PayloadProfile> profile);
 
   [[nodiscard]] bool is_at_rest() const override { return !cycle_ || !cycle_->holds_bus(); }
   /// The cycle's deadline that has passed: a slot to begin or to end, an answer to give up.
-  [[nodiscard]] ros::WorkStatus work_status() const override;
+  [[nodiscard]] suite::WorkStatus work_status() const override;
 
  protected:
   ros::CallbackReturn on_configure() override;
@@ -106,7 +106,7 @@ class PayloadNode : public ros::LifecycleNode {
 
   std::optional<PayloadCycle> cycle_;
   std::optional<PeripheralLink> link_;
-  ros::MissionTime time_;
+  suite::MissionTime time_;
   ActionQueue<PayloadAction> actions_;
   ros::Timer timer_;
   std::optional<MonotonicTime> armed_;
@@ -145,7 +145,7 @@ class PayloadNode : public ros::LifecycleNode {
 template <class Profile>
 class PayloadNodeOf : public PayloadNode {
  public:
-  explicit PayloadNodeOf(ros::NodeContext& context) : PayloadNode(context, std::make_unique<Profile>()) {}
+  explicit PayloadNodeOf(suite::NodeContext& context) : PayloadNode(context, std::make_unique<Profile>()) {}
 };
 
 }  // namespace srfs

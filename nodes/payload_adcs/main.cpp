@@ -4,5 +4,5 @@
 #include "nodes/payload_adcs/adcs_profile.hpp"
 
 int main(int argc, char** argv) {
-  return srfs::ros::run_node<srfs::PayloadNodeOf<srfs::AdcsProfile>>(argc, argv);
+  return srfs::suite::run_node<srfs::PayloadNodeOf<srfs::AdcsProfile>>(argc, argv);
 }

@@ -4,7 +4,7 @@
 
 #include <utility>
 
-#include "ros/ring/check_alive.hpp"
+#include "suite/ring/check_alive.hpp"
 
 namespace srfs {
 
@@ -13,7 +13,7 @@ CriticalWatch::CriticalWatch(CriticalAnswers answers, std::string observer)
 
 void CriticalWatch::open(const std::function<std::shared_ptr<Client>(const std::string& service)>& make) {
   clients_.clear();
-  for (const std::string& node : answers_.nodes()) clients_.push_back(make(ros::check_alive_name(node)));
+  for (const std::string& node : answers_.nodes()) clients_.push_back(make(suite::check_alive_name(node)));
 }
 
 void CriticalWatch::ask(MonotonicTime now,
@@ -23,7 +23,7 @@ void CriticalWatch::ask(MonotonicTime now,
     Process& process = processes_[i];
     const pid_t pid = find(answers_.nodes()[i]).value_or(0);
     if (std::exchange(process.pid, pid) != pid)
-      process.cpu = pid != 0 ? ros::ProcessCpu::open(pid) : std::nullopt;
+      process.cpu = pid != 0 ? suite::ProcessCpu::open(pid) : std::nullopt;
     if (const auto totals = process.cpu ? process.cpu->read(false, now) : std::nullopt)
       answers_.on_cpu(i, pid, *totals, now);
     srfs_msgs::srv::CheckAlive::Request question;

@@ -11,7 +11,7 @@
 #include "nodes/timing/critical_answers.hpp"
 #include "nodes/timing/watchdog_feeding.hpp"
 #include "ros/client.hpp"
-#include "ros/ring/process_cpu.hpp"
+#include "suite/ring/process_cpu.hpp"
 
 namespace srfs {
 
@@ -39,7 +39,7 @@ class CriticalWatch {
   std::vector<std::shared_ptr<Client>> clients_;
   struct Process {
     pid_t pid = 0;
-    std::optional<ros::ProcessCpu> cpu;
+    std::optional<suite::ProcessCpu> cpu;
   };
   std::vector<Process> processes_;  ///< by node
 };

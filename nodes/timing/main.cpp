@@ -3,5 +3,5 @@
 #include "nodes/timing/timing_node.hpp"
 
 int main(int argc, char** argv) {
-  return srfs::ros::run_node<srfs::TimingNode>(argc, argv);
+  return srfs::suite::run_node<srfs::TimingNode>(argc, argv);
 }

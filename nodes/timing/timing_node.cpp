@@ -12,7 +12,7 @@
 #include "base/saturate.hpp"
 #include "hw/open.hpp"
 #include "nodes/timing/mission_clock.hpp"
-#include "ros/mission_time.hpp"
+#include "suite/mission_time.hpp"
 
 namespace srfs {
 namespace {
@@ -27,7 +27,7 @@ constexpr std::uint64_t refused_jumps_per_event = 60;  // one event a minute whi
 
 }  // namespace
 
-TimingNode::TimingNode(ros::NodeContext& context)
+TimingNode::TimingNode(suite::NodeContext& context)
     : CommandedNode(context), store_(state_dir()), boot_store_(var().boot()) {
   declare_parameters();
 }
@@ -147,7 +147,7 @@ CallbackReturn TimingNode::on_configure() {
 
   worker_ = create_worker("records", 4);
   open_commanding();
-  tick_publisher_ = create_publisher(ros::topics::time_tick);
+  tick_publisher_ = create_publisher(suite::topics::time_tick);
   pulse_watch_ = watch_fd(
       pulse_->fd(), EPOLLIN, [this](std::uint32_t) { on_pulse_input(); }, "gps pulse");
   serial_watch_ = watch_fd(
@@ -187,7 +187,7 @@ void TimingNode::start_clock(const TimingRecord& record) {
 }
 
 Result<void, std::string> TimingNode::prepare_critical_watch() {
-  const ros::RingSettings& ring = deployment().ring;
+  const suite::RingSettings& ring = deployment().ring;
   if (!ring.enabled) return {};
   const WatchdogBudget budget = watchdog_budget(ring.period, ring.misses, ring.start_deadline);
   const seconds timeout(get_parameter<std::int64_t>("watchdog_timeout_s"));
@@ -284,8 +284,8 @@ CallbackReturn TimingNode::on_error() {
 
 // ---------------------------------------------------------------- tick
 
-ros::WorkStatus TimingNode::work_status() const {
-  ros::WorkStatus work;
+suite::WorkStatus TimingNode::work_status() const {
+  suite::WorkStatus work;
   work.done = static_cast<std::uint32_t>(ticks_published_);
   if (ticks_ && ticks_->next_due() <= now()) {
     work.due = 1;
@@ -295,7 +295,7 @@ ros::WorkStatus TimingNode::work_status() const {
 }
 
 std::optional<pid_t> TimingNode::pid_of(const std::string& node) const {
-  const auto instance = ros::find_instance(var(), node);
+  const auto instance = suite::find_instance(var(), node);
   return instance ? std::optional(instance->pid) : std::nullopt;
 }
 
@@ -529,7 +529,7 @@ void TimingNode::begin_boot() {
   const hw::WatchdogFacts& facts = watchdog_->facts();
   const auto in_force = watchdog_->timeout();
   if (critical_ && in_force) {
-    const ros::RingSettings& ring = deployment().ring;
+    const suite::RingSettings& ring = deployment().ring;
     const WatchdogBudget budget = watchdog_budget(ring.period, ring.misses, ring.start_deadline);
     // It runs already, so it is fed none the less.
     if (*in_force <= budget.least_timeout)
@@ -639,7 +639,7 @@ void TimingNode::publish_housekeeping() {
   hk.unhealthy_boots = boot_ ? boot_->record().unhealthy_boots : 0;
   hk.dds_malformed = as_u32(malformed_samples());
   hk.events_suppressed = as_u32(suppressed_events());
-  publish_telemetry(ros::telemetry_message(name(), hk, hk.cycle, utc, hk.time_valid, at));
+  publish_telemetry(suite::telemetry_message(name(), hk, hk.cycle, utc, hk.time_valid, at));
   max_lateness_ = nanoseconds(0);
 }
 

@@ -9,7 +9,6 @@
 
 #include <mission/structures.hpp>
 
-#include "commanding/commanded_node.hpp"
 #include "hw/pulse_source.hpp"
 #include "hw/serial_port.hpp"
 #include "hw/watchdog.hpp"
@@ -21,7 +20,8 @@
 #include "nodes/timing/time_discipline.hpp"
 #include "nodes/timing/timing_store.hpp"
 #include "nodes/timing/watchdog_feeding.hpp"
-#include "ros/boot_store.hpp"
+#include "suite/boot_store.hpp"
+#include "suite/commanding/commanded_node.hpp"
 #include "wire/gnss_time.hpp"
 
 namespace srfs {
@@ -29,12 +29,12 @@ namespace srfs {
 /// Takes the GPS pulse and the time of day, publishes the tick, feeds the watchdog (README.md).
 class TimingNode : public CommandedNode {
  public:
-  explicit TimingNode(ros::NodeContext& context);
+  explicit TimingNode(suite::NodeContext& context);
 
   /// Another reason that must hold for the watchdog to be fed. Kept across deactivation.
   void add_watchdog_evidence(WatchdogEvidence evidence);
   /// The tick that is due.
-  [[nodiscard]] ros::WorkStatus work_status() const override;
+  [[nodiscard]] suite::WorkStatus work_status() const override;
 
  protected:
   ros::CallbackReturn on_configure() override;
@@ -107,7 +107,7 @@ class TimingNode : public CommandedNode {
   std::optional<WatchdogFeeding> feeding_;  ///< refers to critical_
   std::optional<ThreadCpuFiles> own_cpu_;   ///< of the work thread
   nanoseconds own_waited_{0};               ///< at the last tick
-  ros::BootStore boot_store_;
+  suite::BootStore boot_store_;
   std::optional<wire::BootRecord> stored_boot_;  ///< found at the start
   std::optional<BootRecorder> boot_;             ///< from the first activation on
   wire::GnssTimeStream gnss_;

@@ -27,7 +27,7 @@ std::uint8_t state_of(const NodeFacts& facts, const std::optional<std::uint8_t>&
 
 std::vector<mission::Fragment> TtcNode::fragments() const {
   std::vector<mission::Fragment> all;
-  for (const ros::AddedNode& node : deployment().added) {
+  for (const suite::AddedNode& node : deployment().added) {
     if (!node.dictionary.empty()) all.push_back({node.name, node.dictionary});
   }
   return all;
@@ -140,7 +140,7 @@ void TtcNode::meet_added_nodes(bool tell) {
     return process == nullptr ? std::uint16_t{0} : process->apid;
   };
   std::erase_if(joined_nodes_, [&](const JoinedNode& joined) {
-    const bool stays = std::any_of(added.begin(), added.end(), [&](const ros::AddedNode& node) {
+    const bool stays = std::any_of(added.begin(), added.end(), [&](const suite::AddedNode& node) {
       return node.name == joined.name && apid_of(joined.name) == joined.apid;
     });
     if (stays) return false;
@@ -150,7 +150,7 @@ void TtcNode::meet_added_nodes(bool tell) {
     raise(event);
     return true;
   });
-  for (const ros::AddedNode& node : added) {
+  for (const suite::AddedNode& node : added) {
     const bool known = std::any_of(joined_nodes_.begin(), joined_nodes_.end(),
                                    [&](const JoinedNode& joined) { return joined.name == node.name; });
     if (known) continue;
@@ -167,7 +167,7 @@ void TtcNode::meet_added_nodes(bool tell) {
 
 void TtcNode::listen_to(const std::string& node) {
   std::vector<std::shared_ptr<void>>& subscriptions = joined_nodes_.back().subscriptions;
-  subscriptions.push_back(create_subscription(ros::topics::telemetry(node),
+  subscriptions.push_back(create_subscription(suite::topics::telemetry(node),
                                               [this, node](const srfs_msgs::msg::PayloadTelemetry& m) {
                                                 if (m.source == node) on_telemetry(m);
                                               }));

@@ -126,7 +126,7 @@ void TtcNode::look_at_imaging_nodes() {
   state_worker_->ask(
       [paths = var()] {
         const auto incarnation = [&](const char* node) {
-          const auto instance = ros::find_instance(paths, node);
+          const auto instance = suite::find_instance(paths, node);
           return instance ? instance->incarnation : 0U;
         };
         const MonotonicTime at = monotonic_now();

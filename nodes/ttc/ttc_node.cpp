@@ -412,11 +412,11 @@ void TtcNode::look_at_nodes() {
         Facts facts;
         for (const std::string& node : names) {
           NodeFacts known;
-          if (const auto instance = ros::find_instance(paths, node)) {
+          if (const auto instance = suite::find_instance(paths, node)) {
             known.running = true;
             known.version = instance->version;
           }
-          known.restarts = ros::read_start_record(paths, node).restarts;
+          known.restarts = suite::read_start_record(paths, node).restarts;
           facts.emplace_back(node, known);
         }
         return facts;
@@ -424,7 +424,7 @@ void TtcNode::look_at_nodes() {
       [this](const Facts& facts) {
         BeaconBuilder& beacon = core_->beacon();
         for (const auto& [node, known] : facts) {
-          beacon.on_facts(node, node == name() ? NodeFacts{true, known.restarts, ros::version()} : known);
+          beacon.on_facts(node, node == name() ? NodeFacts{true, known.restarts, suite::version()} : known);
           for (JoinedNode& joined : joined_nodes_) {
             if (joined.name != node) continue;
             joined.facts = known;

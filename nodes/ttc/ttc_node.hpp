@@ -23,15 +23,15 @@
 #include "nodes/ttc/link/frame_count_page.hpp"
 #include "nodes/ttc/link/link_state_file.hpp"
 #include "nodes/ttc/ttc_core.hpp"
-#include "ros/node.hpp"
+#include "suite/node.hpp"
 
 namespace srfs {
 
 /// The spacecraft's end of the link: telecommands go from the RS422 line to the nodes, telemetry of all nodes
 /// to the store and to the line. TtcCore decides; this class feeds it and carries out what it wants done.
-class TtcNode : public ros::LifecycleNode {
+class TtcNode : public suite::Node {
  public:
-  explicit TtcNode(ros::NodeContext& context);
+  explicit TtcNode(suite::NodeContext& context);
   void on_deployment_changed() override;
 
  protected:

@@ -13,7 +13,7 @@
 
 #include "base/known_key.hpp"
 #include "nodes/ttc/ttc_node.hpp"
-#include "ros/boot_store.hpp"
+#include "suite/boot_store.hpp"
 
 namespace srfs {
 namespace {
@@ -44,9 +44,9 @@ std::optional<std::string> permission_problem(const std::filesystem::path& path)
 }
 
 /// nullopt: the contingency association.
-std::optional<KeySet> to_key_set(ros::AssociationSet set) {
-  if (set == ros::AssociationSet::contingency) return std::nullopt;
-  return set == ros::AssociationSet::b ? KeySet::b : KeySet::a;
+std::optional<KeySet> to_key_set(suite::AssociationSet set) {
+  if (set == suite::AssociationSet::contingency) return std::nullopt;
+  return set == suite::AssociationSet::b ? KeySet::b : KeySet::a;
 }
 
 Result<wire::SdlsKey, std::string> read_key(const std::filesystem::path& path, bool is_hardware_line) {
@@ -57,25 +57,26 @@ Result<wire::SdlsKey, std::string> read_key(const std::filesystem::path& path, b
   auto key = wire::SdlsKey::from_hex(*text);
   std::fill(text->begin(), text->end(), '\0');
   if (!key) return Err(fmt::format("{}: expected 64 hexadecimal digits", path.string()));
-  // Left out, and no more: see ros::unsafe_link().
+  // Left out, and no more: see suite::unsafe_link().
   const auto known = why_known(key->octets());
   if (known && is_hardware_line)
     return Err(fmt::format("{}: not used, everybody may know this key: {}", path.string(), *known));
   return std::move(*key);
 }
 
-Result<UplinkConfig, std::string> read_channels(const ros::Deployment& deployment,
+Result<UplinkConfig, std::string> read_channels(const suite::Deployment& deployment,
                                                 const std::filesystem::path& root,
                                                 std::vector<TtcCore::UnusableKey>& unusable_keys) {
-  const ros::LinkSettings& settings = deployment.link;
-  if (auto unsafe = ros::unsafe_link(deployment, root); !unsafe.empty()) return Err(std::move(unsafe));
+  const suite::LinkSettings& settings = deployment.link;
+  if (auto unsafe = suite::unsafe_link(deployment, root); !unsafe.empty()) return Err(std::move(unsafe));
   const auto line = deployment.devices.find("rs422");
-  const bool is_hardware_line = line != deployment.devices.end() && ros::is_hardware_line(line->second, root);
+  const bool is_hardware_line =
+      line != deployment.devices.end() && suite::is_hardware_line(line->second, root);
   UplinkConfig config;
   config.spacecraft_id = static_cast<std::uint16_t>(settings.spacecraft_id);
   config.cltu.randomized = settings.tc_randomizer;
   config.cltu.correct_single_bits = settings.tc_correct_single_bits;
-  for (const ros::TelecommandChannel& entry : settings.channels) {
+  for (const suite::TelecommandChannel& entry : settings.channels) {
     const auto vc = static_cast<std::uint8_t>(entry.virtual_channel);
     auto channel = std::find_if(config.channels.begin(), config.channels.end(),
                                 [&](const UplinkChannel& c) { return c.vc == vc; });
@@ -83,7 +84,7 @@ Result<UplinkConfig, std::string> read_channels(const ros::Deployment& deploymen
       config.channels.push_back(UplinkChannel{.vc = vc, .associations = {}});
       channel = config.channels.end() - 1;
     }
-    if (entry.security == ros::ChannelSecurity::none) continue;
+    if (entry.security == suite::ChannelSecurity::none) continue;
     auto key = read_key(root / entry.key_file, is_hardware_line);
     const auto spi = static_cast<std::uint16_t>(entry.spi);
     if (!key) {
@@ -91,8 +92,8 @@ Result<UplinkConfig, std::string> read_channels(const ros::Deployment& deploymen
       continue;
     }
     // One association of a set carries both frame types; of two the first is for BD, the second for AD.
-    const auto same_set = [&](const ros::TelecommandChannel& other) {
-      return other.security == ros::ChannelSecurity::sdls && other.set == entry.set &&
+    const auto same_set = [&](const suite::TelecommandChannel& other) {
+      return other.security == suite::ChannelSecurity::sdls && other.set == entry.set &&
              other.virtual_channel == entry.virtual_channel;
     };
     const auto first = std::find_if(settings.channels.begin(), settings.channels.end(), same_set);
@@ -115,7 +116,7 @@ Result<UplinkConfig, std::string> read_channels(const ros::Deployment& deploymen
   if (const auto shared = associations_with_one_key(config)) {
     const auto key_of = [&settings](int spi) {
       const auto entry = std::find_if(settings.channels.begin(), settings.channels.end(),
-                                      [spi](const ros::TelecommandChannel& c) { return c.spi == spi; });
+                                      [spi](const suite::TelecommandChannel& c) { return c.spi == spi; });
       return fmt::format("{} (SPI {})", entry->key_file, spi);
     };
     return Err(fmt::format(
@@ -125,8 +126,8 @@ Result<UplinkConfig, std::string> read_channels(const ros::Deployment& deploymen
   return config;
 }
 
-Result<DownlinkConfig, std::string> read_downlink(const ros::Deployment& deployment) {
-  const ros::LinkSettings& settings = deployment.link;
+Result<DownlinkConfig, std::string> read_downlink(const suite::Deployment& deployment) {
+  const suite::LinkSettings& settings = deployment.link;
   DownlinkConfig config;
   config.spacecraft_id = static_cast<std::uint16_t>(settings.spacecraft_id);
   config.baud = static_cast<std::uint32_t>(settings.baud);
@@ -191,8 +192,8 @@ TransmitterSwitch load_transmitter(const std::filesystem::path& file) {
 }
 
 /// The boot record, used until timing reports more: timing may be writing the record of this boot right now.
-BootTold load_boot(const ros::VarPaths& var) {
-  const auto record = ros::BootStore(var.boot()).load();
+BootTold load_boot(const suite::VarPaths& var) {
+  const auto record = suite::BootStore(var.boot()).load();
   if (!record) return {.count = 1, .cause = mission::ResetCause::unknown};
   const auto kernel = kernel_boot_id();
   const bool same = kernel && record->boot_id.substr(0, kernel->size()) == *kernel;
@@ -239,9 +240,9 @@ KeySelection load_keys(const std::filesystem::path& file, UplinkConfig& config,
   return found.selection;
 }
 
-void say_how_the_link_is_secured(const ros::LinkSettings& link) {
-  for (const ros::TelecommandChannel& channel : link.channels) {
-    if (channel.security == ros::ChannelSecurity::none) {
+void say_how_the_link_is_secured(const suite::LinkSettings& link) {
+  for (const suite::TelecommandChannel& channel : link.channels) {
+    if (channel.security == suite::ChannelSecurity::none) {
       log::warn(
           "TC VIRTUAL CHANNEL {} HAS NO SECURITY: anybody on the line can command this spacecraft. For tests "
           "only.",
@@ -256,8 +257,8 @@ void say_how_the_link_is_secured(const ros::LinkSettings& link) {
 
 }  // namespace
 
-TtcNode::TtcNode(ros::NodeContext& context)
-    : LifecycleNode(context),
+TtcNode::TtcNode(suite::NodeContext& context)
+    : Node(context),
       dictionary_(mission::Dictionary::load_fitting(mission::Dictionary::default_folder(), fragments(),
                                                     refused_fragments_)),
       dictionary_revision_(deployment().added_revision) {
@@ -441,19 +442,19 @@ void TtcNode::fill_from_dictionary() {
 
 void TtcNode::subscribe() {
   const auto keep = [this](auto subscription) { subscriptions_.push_back(std::move(subscription)); };
-  telecommands_ = create_publisher(ros::topics::telecommand);
-  mode_publisher_ = create_publisher(ros::topics::mode);
-  keep(
-      create_subscription(ros::topics::time_tick, [this](const srfs_msgs::msg::TimeTick& m) { on_tick(m); }));
-  keep(create_subscription(ros::topics::event, [this](const srfs_msgs::msg::Event& m) {
+  telecommands_ = create_publisher(suite::topics::telecommand);
+  mode_publisher_ = create_publisher(suite::topics::mode);
+  keep(create_subscription(suite::topics::time_tick,
+                           [this](const srfs_msgs::msg::TimeTick& m) { on_tick(m); }));
+  keep(create_subscription(suite::topics::event, [this](const srfs_msgs::msg::Event& m) {
     if (!is_active()) return;
     if (core_->on_event(m.source, m.event_id, m.severity, m.data, now())) pump_downlink();
   }));
-  keep(create_subscription(ros::topics::telecommand_report,
+  keep(create_subscription(suite::topics::telecommand_report,
                            [this](const srfs_msgs::msg::TelecommandReport& m) { on_telecommand_report(m); }));
   for (const std::string& node : core_->beacon().nodes()) {
     if (node == name()) continue;
-    keep(create_subscription(ros::topics::telemetry(node),
+    keep(create_subscription(suite::topics::telemetry(node),
                              [this, node](const srfs_msgs::msg::PayloadTelemetry& m) {
                                if (m.source == node) on_telemetry(m);
                              }));

@@ -9,9 +9,9 @@
 
 #include "base/file.hpp"
 #include "programs/srfs/node_commands.hpp"
-#include "ros/launcher.hpp"
-#include "ros/node_addition.hpp"
-#include "ros/node_versions.hpp"
+#include "suite/launcher.hpp"
+#include "suite/node_addition.hpp"
+#include "suite/node_versions.hpp"
 
 namespace srfs::tool {
 namespace {
@@ -31,7 +31,7 @@ int fail(CommandExit exit, const std::string& why, bool json) {
 }
 
 /// What the manifest beside a package's sources (ground/README.md) says of its node.
-Result<ros::AddedNode, std::string> read_package(const std::filesystem::path& folder) {
+Result<suite::AddedNode, std::string> read_package(const std::filesystem::path& folder) {
   const auto text_of = [&](const ConfigSection& manifest, const char* key, std::size_t most) {
     const std::string file = manifest.text(key, "");
     if (file.empty()) return std::string();
@@ -41,16 +41,16 @@ Result<ros::AddedNode, std::string> read_package(const std::filesystem::path& fo
   };
   try {
     const ConfigSection manifest = ConfigSection::load(folder / "package.yaml");
-    ros::AddedNode node;
+    suite::AddedNode node;
     node.name = manifest.text("node");
     node.ring_after = manifest.text("ring_after", "");
-    node.description = text_of(manifest, "deployment_entry", ros::AddedNodes::description_octets_max);
-    node.dictionary = text_of(manifest, "fragment", ros::AddedNodes::dictionary_octets_max);
+    node.description = text_of(manifest, "deployment_entry", suite::AddedNodes::description_octets_max);
+    node.dictionary = text_of(manifest, "fragment", suite::AddedNodes::dictionary_octets_max);
     if (manifest.has("slot")) {
       const ConfigSection slot = manifest.section("slot");
       const auto ms = [&](const char* key) { return milliseconds(slot.integer(key, 0, 60000)); };
-      node.slot = ros::slot_text({slot.text("payload", node.name), ms("allotted_ms"), ms("overrun_ms"),
-                                  ms("reset_ms"), slot.text("after", "")});
+      node.slot = suite::slot_text({slot.text("payload", node.name), ms("allotted_ms"), ms("overrun_ms"),
+                                    ms("reset_ms"), slot.text("after", "")});
       slot.finish();
     }
     return node;
@@ -60,9 +60,9 @@ Result<ros::AddedNode, std::string> read_package(const std::filesystem::path& fo
 }
 
 /// The program becomes the active version.
-Result<void, std::string> store_program(const ros::VarPaths& var, const std::string& node,
+Result<void, std::string> store_program(const suite::VarPaths& var, const std::string& node,
                                         const std::filesystem::path& program, seconds probation) {
-  return ros::change_versions(var, node, [&](update::VersionStore& store) -> Result<void, std::string> {
+  return suite::change_versions(var, node, [&](update::VersionStore& store) -> Result<void, std::string> {
     const auto number = store.add(program, program.string(), system_utc_now());
     if (!number) return Err(number.error());
     if (const auto used = store.use(*number, probation, "it is added again"); !used) return used;
@@ -79,21 +79,22 @@ int add_node(const Target& target, const std::filesystem::path& folder, const st
   if (target.deployment.find(node->name) != nullptr)
     return fail(CommandExit::refused, fmt::format("the suite already has a node '{}'", node->name), json);
   std::error_code ec;
-  const bool had_versions = std::filesystem::exists(ros::versions_folder(target.var, node->name), ec);
+  const bool had_versions = std::filesystem::exists(suite::versions_folder(target.var, node->name), ec);
   const auto stored = store_program(target.var, node->name, program, probation);
-  const auto added = stored ? ros::add_node(target.var, target.deployment, *node)
+  const auto added = stored ? suite::add_node(target.var, target.deployment, *node)
                             : Result<void, std::string>(Err(stored.error()));
   if (!added) {
-    if (!had_versions) std::filesystem::remove_all(ros::versions_folder(target.var, node->name), ec);
+    if (!had_versions) std::filesystem::remove_all(suite::versions_folder(target.var, node->name), ec);
     return fail(CommandExit::refused, fmt::format("{}: {}", node->name, added.error()), json);
   }
-  const auto now = ros::load_deployment(target.deployment.file, target.var);
-  const ros::NodeEntry* entry = now.deployment.find(node->name);
+  const auto now = suite::load_deployment(target.deployment.file, target.var);
+  const suite::NodeEntry* entry = now.deployment.find(node->name);
   std::optional<pid_t> pid;
   std::string problem;
   if (running_domain(target) && entry != nullptr) {  // else it is for `srfs up`
-    const ros::LaunchRequest request{now.deployment, target.var, ros::suite_bin_folder(), "added by command"};
-    const auto launched = ros::launch(request, *entry, patience_with_the_ring);
+    const suite::LaunchRequest request{now.deployment, target.var, suite::suite_bin_folder(),
+                                       "added by command"};
+    const auto launched = suite::launch(request, *entry, patience_with_the_ring);
     if (launched) pid = *launched;
     if (!launched) problem = launched.error();
   }
@@ -110,7 +111,7 @@ int add_node(const Target& target, const std::filesystem::path& folder, const st
 }
 
 int remove_node(const Target& target, const std::string& node, bool json) {
-  const auto removed = ros::remove_node(target.var, node);
+  const auto removed = suite::remove_node(target.var, node);
   if (!removed) return fail(CommandExit::refused, removed.error(), json);
   if (json) {
     std::cout << Json{{"ok", true}, {"node", node}}.dump() << "\n";
@@ -121,10 +122,10 @@ int remove_node(const Target& target, const std::string& node, bool json) {
 }
 
 int list_added_nodes(const Target& target, bool json) {
-  const auto turns = ros::turns_of(target.deployment.slots);
+  const auto turns = suite::turns_of(target.deployment.slots);
   Json list = Json::array();
-  for (const ros::AddedNode& node : target.deployment.added) {
-    const ros::AddedDescription description = ros::read_added_description(node);
+  for (const suite::AddedNode& node : target.deployment.added) {
+    const suite::AddedDescription description = suite::read_added_description(node);
     list.push_back(
         {{"name", node.name},
          {"ring_after", node.ring_after.empty() ? Json(nullptr) : Json(node.ring_after)},

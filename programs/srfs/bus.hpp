@@ -10,8 +10,8 @@
 #include "base/result.hpp"
 #include "programs/srfs/suite.hpp"
 #include "ros/client.hpp"
-#include "ros/deployment.hpp"
 #include "ros/executor.hpp"
+#include "suite/deployment.hpp"
 
 namespace srfs::tool {
 
@@ -21,7 +21,7 @@ struct Bus {
   std::unique_ptr<ros::Participant> participant;
 
   /// Throws std::runtime_error when no participant can be created.
-  Bus(const ros::Deployment& deployment, int domain) {
+  Bus(const suite::Deployment& deployment, int domain) {
     auto made = ros::Participant::create(participant_options(deployment, domain, executor));
     if (!made) throw std::runtime_error(made.error());
     participant = std::move(*made);

@@ -9,7 +9,7 @@
 #include <fmt/format.h>
 #include <nlohmann/json.hpp>
 
-#include "ros/launcher.hpp"
+#include "suite/launcher.hpp"
 
 namespace srfs::tool {
 namespace {
@@ -27,7 +27,7 @@ Json text_or_null(const std::string& text) {
   return text.empty() ? Json(nullptr) : Json(text);
 }
 
-Json to_json(const ros::Deployment& deployment, const std::vector<Finding>& findings) {
+Json to_json(const suite::Deployment& deployment, const std::vector<Finding>& findings) {
   Json counts = Json::object();
   for (const Verdict verdict : verdicts) counts[std::string(to_text(verdict))] = count(findings, verdict);
   Json list = Json::array();
@@ -43,7 +43,7 @@ Json to_json(const ros::Deployment& deployment, const std::vector<Finding>& find
           {"findings", list}};
 }
 
-void print(const ros::Deployment& deployment, const std::vector<Finding>& findings) {
+void print(const suite::Deployment& deployment, const std::vector<Finding>& findings) {
   for (const Finding& f : findings) {
     std::string line = fmt::format("{:<8} {:<38} {}", to_text(f.verdict), f.check, f.found);
     if (!f.expected.empty()) line += "; expected " + f.expected;
@@ -94,25 +94,25 @@ bool Examination::flies() const {
 }
 
 bool Examination::is_real_time() const {
-  return std::any_of(deployment.nodes.begin(), deployment.nodes.end(), [](const ros::NodeEntry& node) {
-    return node.scheduling.policy == ros::SchedulingPolicy::fifo;
+  return std::any_of(deployment.nodes.begin(), deployment.nodes.end(), [](const suite::NodeEntry& node) {
+    return node.scheduling.policy == suite::SchedulingPolicy::fifo;
   });
 }
 
-const ros::NodeEntry* Examination::running(std::string_view executable) const {
+const suite::NodeEntry* Examination::running(std::string_view executable) const {
   const auto found =
-      std::find_if(deployment.nodes.begin(), deployment.nodes.end(), [&](const ros::NodeEntry& node) {
+      std::find_if(deployment.nodes.begin(), deployment.nodes.end(), [&](const suite::NodeEntry& node) {
         return std::filesystem::path(node.executable).filename() == executable;
       });
   return found == deployment.nodes.end() ? nullptr : &*found;
 }
 
-std::optional<Account> Examination::account(const ros::NodeEntry& node) const {
+std::optional<Account> Examination::account(const suite::NodeEntry& node) const {
   if (node.user.empty() || node.user == starter.name) return starter;
   return account_of(machine, node.user);
 }
 
-std::vector<Finding> examine(const Machine& machine, const ros::Deployment& deployment,
+std::vector<Finding> examine(const Machine& machine, const suite::Deployment& deployment,
                              const std::filesystem::path& var, const std::filesystem::path& prefix,
                              UtcTime now) {
   Examination x{machine, deployment, var, prefix, now, {}};
@@ -139,10 +139,10 @@ std::vector<Finding> examine(const Machine& machine, const ros::Deployment& depl
   return std::move(x.findings);
 }
 
-int doctor(const ros::Deployment& deployment, const std::filesystem::path& var, bool json) {
+int doctor(const suite::Deployment& deployment, const std::filesystem::path& var, bool json) {
   const Machine machine;
   const auto findings =
-      examine(machine, deployment, var, ros::suite_bin_folder().parent_path(), system_utc_now());
+      examine(machine, deployment, var, suite::suite_bin_folder().parent_path(), system_utc_now());
   if (json) {
     std::cout << to_json(deployment, findings).dump(2, ' ', false, Json::error_handler_t::replace) << "\n";
   } else {

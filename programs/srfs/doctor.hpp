@@ -11,7 +11,7 @@
 
 #include "base/time.hpp"
 #include "programs/srfs/doctor_machine.hpp"
-#include "ros/deployment.hpp"
+#include "suite/deployment.hpp"
 
 namespace srfs::tool {
 
@@ -36,7 +36,7 @@ struct Finding {
 /// What is examined, and the findings so far.
 struct Examination {
   const Machine& machine;
-  const ros::Deployment& deployment;
+  const suite::Deployment& deployment;
   std::filesystem::path var;     ///< absolute
   std::filesystem::path prefix;  ///< installation whose programs the suite runs
   UtcTime now;
@@ -54,9 +54,9 @@ struct Examination {
   [[nodiscard]] bool is_real_time() const;
   /// For what matters on flight hardware but not in a simulation.
   [[nodiscard]] Verdict when_flying(Verdict verdict) const { return flies() ? verdict : Verdict::note; }
-  [[nodiscard]] const ros::NodeEntry* running(std::string_view executable) const;
+  [[nodiscard]] const suite::NodeEntry* running(std::string_view executable) const;
   /// The account that will own a node's process; nullopt: there is no such user, which is a separate finding.
-  [[nodiscard]] std::optional<Account> account(const ros::NodeEntry& node) const;
+  [[nodiscard]] std::optional<Account> account(const suite::NodeEntry& node) const;
 };
 
 // The checks; each only reads.
@@ -75,11 +75,11 @@ void examine_lane(Examination& x);
 void examine_keys(Examination& x);
 
 /// Runs all checks. Blocks for as long as reading some hundred files takes.
-[[nodiscard]] std::vector<Finding> examine(const Machine& machine, const ros::Deployment& deployment,
+[[nodiscard]] std::vector<Finding> examine(const Machine& machine, const suite::Deployment& deployment,
                                            const std::filesystem::path& var,
                                            const std::filesystem::path& prefix, UtcTime now);
 
 /// `srfs doctor`: prints them. @return exit code: 0, or 1 when something fails
-int doctor(const ros::Deployment& deployment, const std::filesystem::path& var, bool json);
+int doctor(const suite::Deployment& deployment, const std::filesystem::path& var, bool json);
 
 }  // namespace srfs::tool

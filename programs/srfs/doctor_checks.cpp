@@ -15,15 +15,15 @@
 #include "base/cpu_wait.hpp"
 #include "base/fd.hpp"
 #include "programs/srfs/doctor.hpp"
-#include "ros/instance.hpp"
-#include "ros/real_time.hpp"
+#include "suite/instance.hpp"
+#include "suite/real_time.hpp"
 
 namespace srfs::tool {
 namespace {
 
 namespace fs = std::filesystem;
-using ros::NodeEntry;
-using ros::SchedulingPolicy;
+using suite::NodeEntry;
+using suite::SchedulingPolicy;
 
 constexpr const char* debian_kernel = "apt-get install linux-image-$(dpkg --print-architecture)";
 constexpr const char* real_time_kernel = "apt-get install linux-image-rt-$(dpkg --print-architecture)";
@@ -32,7 +32,7 @@ constexpr std::uint64_t mib = 1U << 20;
 constexpr std::uint64_t least_shared_memory = 16 * mib;
 constexpr std::uint64_t least_disk = 128 * mib;
 constexpr std::uint64_t good_disk = 2048 * mib;  // stores, frames, versions, good copies, the lane's header
-constexpr std::uint64_t open_files = 1024;       // lib/ros/launcher.cpp
+constexpr std::uint64_t open_files = 1024;       // lib/suite/launcher.cpp
 
 /// Also for the next boot: `sysctl -w` says what it set as sysctl.d wants it.
 std::string sysctl_command(const std::string& name, std::int64_t value) {
@@ -77,7 +77,7 @@ void examine_limit(Examination& x, const LimitNeed& need) {
         fmt::format("{}, needed by {}{}", need.value_text, need.asked_by,
                     root ? fmt::format(", or {} (in a container: --cap-add)", need.capability)
                          : ", from the next login on"),
-        root ? "" : ros::limit_command(x.starter.name, need.item, need.value_text));
+        root ? "" : suite::limit_command(x.starter.name, need.item, need.value_text));
 }
 
 // ---------------------------------------------------------------- sysctls
@@ -181,7 +181,7 @@ void examine_domain_locks(Examination& x) {
 
 /// What suites leave below /dev/shm: the folder of a suite that runs is mapped by its nodes.
 void examine_leftovers(Examination& x) {
-  const fs::path own = ros::VarPaths{x.var}.memory();
+  const fs::path own = suite::VarPaths{x.var}.memory();
   const auto names = x.machine.names("/dev/shm");
   if (!names) return x.unknown("memory.suites", "/dev/shm cannot be read");
   (void)examine_private_folder(x, "memory.suites", own,
@@ -281,7 +281,7 @@ constexpr std::array discipliners{Discipliner{"systemd-timesyn", "systemd-timesy
                                   Discipliner{"chronyd", "chrony"}, Discipliner{"ntpd", "ntp"},
                                   Discipliner{"ptp4l", "ptp4l"}, Discipliner{"phc2sys", "phc2sys"}};
 
-bool is_real_pulse(const ros::Deployment& deployment) {
+bool is_real_pulse(const suite::Deployment& deployment) {
   const auto uri = deployment.devices.find("gps_pulse");
   return uri != deployment.devices.end() && !uri->second.starts_with("sim:");
 }

@@ -19,7 +19,7 @@ namespace srfs::tool {
 namespace {
 
 namespace fs = std::filesystem;
-using ros::NodeEntry;
+using suite::NodeEntry;
 
 constexpr std::uint32_t bit_rate = 500'000;  // docs/reference/icd_can.md, section 1
 

@@ -20,7 +20,7 @@ namespace srfs::tool {
 namespace {
 
 namespace fs = std::filesystem;
-using ros::NodeEntry;
+using suite::NodeEntry;
 
 constexpr std::int64_t lane_memory_mib = 1536;  // --memory-mib of srfs-lane
 
@@ -226,11 +226,11 @@ void examine_lane(Examination& x) {
 
 void examine_keys(Examination& x) {
   const auto line = x.deployment.devices.find("rs422");
-  const bool simulated = line == x.deployment.devices.end() || !ros::is_hardware_line(line->second, x.var);
+  const bool simulated = line == x.deployment.devices.end() || !suite::is_hardware_line(line->second, x.var);
   if (const NodeEntry* ttc = x.running("ttc_node")) {
     const auto reader = x.account(*ttc);
-    for (const ros::TelecommandChannel& channel : x.deployment.link.channels) {
-      if (channel.security != ros::ChannelSecurity::sdls) {
+    for (const suite::TelecommandChannel& channel : x.deployment.link.channels) {
+      if (channel.security != suite::ChannelSecurity::sdls) {
         const std::string open =
             fmt::format("TC virtual channel {} has no security", channel.virtual_channel);
         if (simulated) {

@@ -18,9 +18,9 @@
 #include "programs/srfs/ring_commands.hpp"
 #include "programs/srfs/suite.hpp"
 #include "programs/srfs/version_commands.hpp"
-#include "ros/added_nodes.hpp"
-#include "ros/launcher.hpp"
-#include "ros/run_node.hpp"
+#include "suite/added_nodes.hpp"
+#include "suite/launcher.hpp"
+#include "suite/run_node.hpp"
 #include "update/version_table.hpp"
 
 namespace srfs::tool {
@@ -112,8 +112,8 @@ int run_restart(const Target& target, UpOptions options, bool if_up, bool json) 
   constexpr milliseconds patience{500};
   if (options.cause == "up") options.cause = "restart by command";
   if (const auto domain = running_domain(target)) {
-    if (auto lock = ros::DomainLock::share(*domain, target.var.root.string()))
-      options.held_domain = std::make_shared<ros::DomainLock>(std::move(*lock));
+    if (auto lock = suite::DomainLock::share(*domain, target.var.root.string()))
+      options.held_domain = std::make_shared<suite::DomainLock>(std::move(*lock));
   }
   const RestartReport report = restart(target, patience, options, if_up);
   if (report.up) return show_up(*report.up, json);
@@ -139,7 +139,7 @@ int run_status(const Target& target, bool json) {
 std::string deployment_file_of(const std::string& named) {
   namespace fs = std::filesystem;
   const fs::path file = "launch_config/" + named + ".yaml";
-  const fs::path installed = ros::suite_bin_folder().parent_path() / "share/srfs" / file;
+  const fs::path installed = suite::suite_bin_folder().parent_path() / "share/srfs" / file;
   std::error_code ec;
   if (named.find('/') != std::string::npos || fs::is_regular_file(named, ec)) return named;
   const fs::path source = SRFS_LAUNCH_SOURCE_DIR "/" + named + ".yaml";
@@ -163,8 +163,8 @@ void on(CLI::App* command, CommandLine& line, Action action) {
   command->final_callback([command, &line, action = std::move(action)] {
     if (!command->get_subcommands().empty()) return;
     line.deployment = deployment_file_of(line.deployment);
-    const ros::VarPaths paths = ros::VarPaths::at(line.var);
-    auto reading = ros::load_deployment(line.deployment, paths);
+    const suite::VarPaths paths = suite::VarPaths::at(line.var);
+    auto reading = suite::load_deployment(line.deployment, paths);
     for (const std::string& problem : reading.problems) fmt::print(stderr, "srfs: {}\n", problem);
     line.exit_code = action({std::move(reading.deployment), paths});
   });
@@ -443,7 +443,7 @@ int run(int argc, char** argv) {
   CLI::App app{"Starts, stops and shows a deployment of SRFS."};
   app.require_subcommand(1);
   app.fallthrough();
-  app.set_version_flag("--version", ros::version());
+  app.set_version_flag("--version", suite::version());
   CommandLine line;
   app.add_option("--deployment", line.deployment, "Deployment file, or its name: sim")
       ->capture_default_str()

@@ -23,7 +23,7 @@
 #include "ros/callback_statistics.hpp"
 #include "ros/lifecycle.hpp"
 #include "ros/parameters.hpp"
-#include "ros/ring/heartbeat_page.hpp"
+#include "suite/ring/heartbeat_page.hpp"
 
 namespace srfs::tool {
 namespace {
@@ -128,7 +128,7 @@ Result<ChangeState::Response, ros::CallError> request_transition(Bus& bus, const
 /// What the node wrote into its page. Also works while the node's thread is busy with a transition and does
 /// not answer.
 ros::State state_in_memory(const Target& target, const std::string& node) {
-  const auto page = ros::HeartbeatPage::read(target.var, node);
+  const auto page = suite::HeartbeatPage::read(target.var, node);
   return page ? static_cast<ros::State>(page->state) : ros::State::unknown;
 }
 

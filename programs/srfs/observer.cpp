@@ -11,15 +11,15 @@
 #include "base/octets.hpp"
 #include "base/signals.hpp"
 #include "ros/publisher.hpp"
-#include "ros/ring/fault.hpp"
-#include "ros/topics.hpp"
+#include "suite/ring/fault.hpp"
+#include "suite/topics.hpp"
 
 namespace srfs::tool {
 namespace {
 
 using Json = nlohmann::ordered_json;
 namespace m = srfs_msgs::msg;
-namespace topics = ros::topics;
+namespace topics = suite::topics;
 
 Json begin(const char* type, MonotonicTime at) {
   return Json{{"type", type}, {"at_ns", at.ns()}};
@@ -120,9 +120,9 @@ Json describe(const m::LivenessReport& r, MonotonicTime at) {
             {"round_trip_us", r.round_trip_us},
             {"said_ns", r.monotonic_ns}});
   if (r.verdict == m::LivenessReport::ACCUSED)
-    j["fault"] = ros::to_text(static_cast<ros::FaultClass>(r.fault_class));
+    j["fault"] = suite::to_text(static_cast<suite::FaultClass>(r.fault_class));
   if (r.verdict == m::LivenessReport::OUTCOME)
-    j["outcome"] = ros::to_text(static_cast<ros::RestartOutcome::What>(r.outcome));
+    j["outcome"] = suite::to_text(static_cast<suite::RestartOutcome::What>(r.outcome));
   if (!r.detail.empty()) j["detail"] = r.detail;
   return j;
 }

@@ -10,15 +10,15 @@
 #include <nlohmann/json.hpp>
 
 #include "programs/srfs/node_commands.hpp"
-#include "ros/ring/fault_ledger.hpp"
-#include "ros/ring/node_record.hpp"
+#include "suite/ring/fault_ledger.hpp"
+#include "suite/ring/node_record.hpp"
 
 namespace srfs::tool {
 namespace {
 
 using Json = nlohmann::ordered_json;
-using ros::FaultRecord;
-using ros::RestartDecision;
+using suite::FaultRecord;
+using suite::RestartDecision;
 
 constexpr milliseconds longest_wait_for_lock{3000};
 
@@ -82,11 +82,11 @@ void print_faults(const std::vector<const FaultRecord*>& faults, const Recoverie
 }
 
 /// What the ring's memory says of a node.
-std::string standing(const Target& target, const std::string& node, const ros::DeathHistory& history,
+std::string standing(const Target& target, const std::string& node, const suite::DeathHistory& history,
                      bool runs, MonotonicTime now) {
-  if (const auto why = ros::held_because(target.var, target.deployment, node, now)) return "held: " + *why;
+  if (const auto why = suite::held_because(target.var, target.deployment, node, now)) return "held: " + *why;
   if (runs) return "guarded";
-  const RestartDecision decision = ros::decide(history, target.deployment.ring);
+  const RestartDecision decision = suite::decide(history, target.deployment.ring);
   if (!history.down || decision.step == RestartDecision::Step::start || decision.not_before <= now)
     return "to be started";
   return fmt::format("{} for {:.1f} s",
@@ -96,9 +96,9 @@ std::string standing(const Target& target, const std::string& node, const ros::D
 
 }  // namespace
 
-std::string end_of_order_text(const ros::Deployment& deployment, const std::string& node) {
+std::string end_of_order_text(const suite::Deployment& deployment, const std::string& node) {
   const MonotonicTime now = monotonic_now();
-  const auto end = ros::end_of_order(deployment, node, now);
+  const auto end = suite::end_of_order(deployment, node, now);
   if (!end) return "";
   return fmt::format("; for at most {} s and not across a reset: it is on the command path",
                      std::chrono::duration_cast<seconds>(*end - now).count());
@@ -132,7 +132,7 @@ int show_faults(const Target& target, const std::string& since, const std::strin
                   fmt::format("--since: '{}': expected a time (2026-11-21T08:00:00Z) or 90s, 15m, 2h", since),
                   json);
   }
-  const auto content = ros::FaultLedger(target.var).read();
+  const auto content = suite::FaultLedger(target.var).read();
   const Recoveries recoveries = recoveries_of(content.records);
   std::vector<const FaultRecord*> shown;
   for (const FaultRecord& r : content.records) {
@@ -163,11 +163,11 @@ int show_ring(const Target& target, bool json) {
     fmt::print("{:<18} {:>8} {:>12} {:>7} {:>12}  {}\n", "NODE", "PID", "INCARNATION", "DEATHS", "IN WINDOW",
                "STANDING");
   for (const auto& node : target.deployment.nodes) {
-    const auto instance = ros::find_instance(target.var, node.name);
-    const ros::DeathHistory history = ros::read_deaths(target.var, node.name);
+    const auto instance = suite::find_instance(target.var, node.name);
+    const suite::DeathHistory history = suite::read_deaths(target.var, node.name);
     const std::string text = standing(target, node.name, history, instance.has_value(), now);
     if (json) {
-      const auto why = ros::held_because(target.var, target.deployment, node.name, now);
+      const auto why = suite::held_because(target.var, target.deployment, node.name, now);
       list.push_back({{"name", node.name},
                       {"pid", instance ? Json(instance->pid) : Json(nullptr)},
                       {"incarnation", instance ? Json(instance->incarnation) : Json(nullptr)},
@@ -189,7 +189,7 @@ int hold_node(const Target& target, const std::string& node, const std::string& 
   if (target.deployment.find(node) == nullptr)
     return fail(CommandExit::usage, fmt::format("no node '{}' in the deployment", node), json);
   const MonotonicTime now = monotonic_now();
-  if (const auto held = ros::hold(target.var, target.deployment, node, reason, now); !held)
+  if (const auto held = suite::hold(target.var, target.deployment, node, reason, now); !held)
     return fail(CommandExit::refused, held.error(), json);
   return done(fmt::format("{} is held: it is not restarted, and `srfs up` does not start it{}", node,
                           end_of_order_text(target.deployment, node)),
@@ -203,17 +203,17 @@ int release_node(const Target& target, const std::string& node, const std::strin
     const auto wanted = ros::primary_state(state);
     if (!wanted || *wanted == ros::State::finalized)
       return fail(CommandExit::usage, fmt::format("'{}': not a state to start in", state), json);
-    if (ros::find_instance(target.var, node))
+    if (suite::find_instance(target.var, node))
       return fail(CommandExit::refused,
                   fmt::format("{} is running; use `srfs lifecycle {} ...` to change its state and keep it",
                               node, node),
                   json);
     if (const auto set =
-            ros::set_desired_state(target.var, target.deployment, node, *wanted, monotonic_now());
+            suite::set_desired_state(target.var, target.deployment, node, *wanted, monotonic_now());
         !set)
       return fail(CommandExit::refused, set.error(), json);
   }
-  if (const auto released = ros::release(target.var, node, longest_wait_for_lock); !released)
+  if (const auto released = suite::release(target.var, node, longest_wait_for_lock); !released)
     return fail(CommandExit::refused, released.error(), json);
   return done(
       fmt::format("{} is released: no hold, no back-off, no quarantine{}", node,

@@ -19,7 +19,7 @@ int show_faults(const Target& target, const std::string& since, const std::strin
 int show_ring(const Target& target, bool json);
 /// For people: when an order to this node (hold, a state other than Active) ends by itself; empty: it does
 /// not.
-[[nodiscard]] std::string end_of_order_text(const ros::Deployment& deployment, const std::string& node);
+[[nodiscard]] std::string end_of_order_text(const suite::Deployment& deployment, const std::string& node);
 /// `srfs ring hold NODE`: from now on it is not restarted, dead or hung, until it is released; `srfs up` does
 /// not start it.
 int hold_node(const Target& target, const std::string& node, const std::string& reason, bool json);

@@ -10,8 +10,8 @@
 
 #include "base/file.hpp"
 #include "programs/srfs/busy_machine.hpp"
-#include "ros/ring/heartbeat_page.hpp"
-#include "ros/ring/node_record.hpp"
+#include "suite/ring/heartbeat_page.hpp"
+#include "suite/ring/node_record.hpp"
 
 namespace srfs::tool {
 namespace {
@@ -22,10 +22,10 @@ constexpr seconds between_lines_on_a_terminal{2};
 
 std::string desired(const Target& target, const std::string& node) {
   return std::string(
-      ros::label(ros::desired_state(target.var, target.deployment, node, monotonic_now()).state));
+      ros::label(suite::desired_state(target.var, target.deployment, node, monotonic_now()).state));
 }
 
-std::vector<std::string> names(const ros::Deployment& deployment) {
+std::vector<std::string> names(const suite::Deployment& deployment) {
   std::vector<std::string> all;
   all.reserve(deployment.nodes.size());
   for (const auto& node : deployment.nodes) all.push_back(node.name);
@@ -54,11 +54,11 @@ Start::Start(const Target& target, const UpOptions& options, Bus& bus)
   }
 }
 
-void Start::launch(const ros::LaunchRequest& request) {
+void Start::launch(const suite::LaunchRequest& request) {
   for (Node& node : nodes_) {
-    node.held = ros::held_because(target_.var, target_.deployment, node.entry->name, monotonic_now());
+    node.held = suite::held_because(target_.var, target_.deployment, node.entry->name, monotonic_now());
     if (node.held) continue;
-    const auto started = ros::launch(request, *node.entry, patience_with_a_restart);
+    const auto started = suite::launch(request, *node.entry, patience_with_a_restart);
     // Another process may be starting it: what counts is whether the node comes up.
     if (!started) node.launch_problem = started.error();
     if (started) node.launched = Process::open(*started);
@@ -107,9 +107,9 @@ void Start::read(Node& node, MonotonicTime now) {
   const std::string& name = node.entry->name;
   node.wanted = desired(target_, name);
   pid_t pid = 0;
-  if (const auto instance = ros::find_instance(target_.var, name)) {
+  if (const auto instance = suite::find_instance(target_.var, name)) {
     pid = instance->pid;
-  } else if (const auto starting = ros::find_starting(target_.var, name)) {
+  } else if (const auto starting = suite::find_starting(target_.var, name)) {
     pid = starting->process.pid();
   } else if (node.launched && !node.launched->wait_for_exit(nanoseconds(0))) {
     pid = node.launched->pid();
@@ -125,15 +125,15 @@ void Start::read(Node& node, MonotonicTime now) {
   node.cpu->read(now);
   node.reading.cpu = node.cpu->ran() + node.cpu->waited();
   node.reading.waited = node.cpu->waited();
-  if (const auto page = ros::HeartbeatPage::read(target_.var, name); page && page->pid == pid)
+  if (const auto page = suite::HeartbeatPage::read(target_.var, name); page && page->pid == pid)
     node.reading.state = static_cast<ros::State>(page->state);
 }
 
 void Start::look(MonotonicTime now) {
   std::vector<StartReading> awaited;
   for (Node& node : nodes_) {
-    node.held = ros::held_because(target_.var, target_.deployment, node.entry->name, monotonic_now());
-    if (node.held || (is_there(node) && ros::find_instance(target_.var, node.entry->name))) continue;
+    node.held = suite::held_because(target_.var, target_.deployment, node.entry->name, monotonic_now());
+    if (node.held || (is_there(node) && suite::find_instance(target_.var, node.entry->name))) continue;
     read(node, now);
     if (!node.awaited) continue;
     awaited.push_back(node.reading);

@@ -10,7 +10,7 @@
 #include "programs/srfs/start_patience.hpp"
 #include "programs/srfs/state_questions.hpp"
 #include "programs/srfs/suite.hpp"
-#include "ros/launcher.hpp"
+#include "suite/launcher.hpp"
 
 namespace srfs::tool {
 
@@ -22,7 +22,7 @@ class Start {
 
   /// Those that flight needs first, then the others; held ones are left alone. Blocks up to some seconds a
   /// node.
-  void launch(const ros::LaunchRequest& request);
+  void launch(const suite::LaunchRequest& request);
   void wait();
   void tell(UpReport& report);
   /// As `srfs status` shows it.
@@ -30,7 +30,7 @@ class Start {
 
  private:
   struct Node {
-    const ros::NodeEntry* entry;
+    const suite::NodeEntry* entry;
     bool awaited;
     std::optional<std::string> held = {};  ///< and why
     std::string wanted = {};               ///< the state it starts for

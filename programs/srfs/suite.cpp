@@ -23,7 +23,8 @@
 #include "programs/srfs/process_cpu.hpp"
 #include "programs/srfs/start.hpp"
 #include "programs/srfs/state_questions.hpp"
-#include "ros/launcher.hpp"
+#include "suite/departures.hpp"
+#include "suite/launcher.hpp"
 
 namespace srfs::tool {
 namespace {
@@ -33,8 +34,8 @@ std::vector<NodeStatus> local_status(const Target& target) {
   for (const auto& node : target.deployment.nodes) {
     NodeStatus s;
     s.name = node.name;
-    s.instance = ros::find_instance(target.var, node.name);
-    s.starts = ros::read_start_record(target.var, node.name);
+    s.instance = suite::find_instance(target.var, node.name);
+    s.starts = suite::read_start_record(target.var, node.name);
     if (s.instance) s.state = "not answering";
     all.push_back(s);
   }
@@ -42,18 +43,18 @@ std::vector<NodeStatus> local_status(const Target& target) {
 }
 
 /// The domain of the suite that runs in VAR, or a fresh one held for it. @param running one of its nodes does
-Result<std::shared_ptr<ros::DomainLock>, std::string> take_domain(const Target& target,
-                                                                  const UpOptions& options, bool running) {
+Result<std::shared_ptr<suite::DomainLock>, std::string> take_domain(const Target& target,
+                                                                    const UpOptions& options, bool running) {
   const auto old = running_domain(target);
   const std::string suite = target.var.root.string();
-  std::shared_ptr<ros::DomainLock> held = options.held_domain;
+  std::shared_ptr<suite::DomainLock> held = options.held_domain;
   if (!held) {
     auto lock = running && old
-                    ? ros::DomainLock::share(*old, suite)
-                    : ros::DomainLock::allocate(options.domain ? options.domain : target.deployment.domain,
-                                                ros::DomainLock::first_domain, suite);
+                    ? suite::DomainLock::share(*old, suite)
+                    : suite::DomainLock::allocate(options.domain ? options.domain : target.deployment.domain,
+                                                  suite::DomainLock::first_domain, suite);
     if (!lock) return Err(lock.error());
-    held = std::make_shared<ros::DomainLock>(std::move(*lock));
+    held = std::make_shared<suite::DomainLock>(std::move(*lock));
   }
   if (const auto written =
           write_file_atomically(target.var.domain_file(), fmt::format("{}\n", held->domain()));
@@ -61,7 +62,8 @@ Result<std::shared_ptr<ros::DomainLock>, std::string> take_domain(const Target& 
     return Err(written.error().message);
   }
   // What a restart by any node gives its node, too.
-  if (const auto written = write_file_atomically(target.var.environment_file(), ros::environment_for_nodes());
+  if (const auto written =
+          write_file_atomically(target.var.environment_file(), suite::environment_for_nodes());
       !written) {
     return Err(written.error().message);
   }
@@ -114,7 +116,7 @@ std::vector<NodeProcess> processes_of(const Target& target) {
   for (auto node = target.deployment.nodes.rbegin(); node != target.deployment.nodes.rend(); ++node) {
     auto& of_node = found[node->name];
     if (of_node.empty()) {
-      if (auto process = ros::open_instance(target.var, node->name)) of_node.push_back(std::move(*process));
+      if (auto process = suite::open_instance(target.var, node->name)) of_node.push_back(std::move(*process));
     }
     for (Process& process : of_node) running.push_back({node->name, std::move(process)});
   }
@@ -152,7 +154,7 @@ void disarm_simulated_watchdog(const Target& target) {
 }
 
 /// Held while nodes are started one after the other: the ring does not miss a node that waits for its turn.
-Fd lock_starting(const ros::VarPaths& var) {
+Fd lock_starting(const suite::VarPaths& var) {
   Fd lock = open_lock_file(var.starting_lock());
   if (lock) flock(lock.get(), LOCK_EX | LOCK_NB);  // one `up` at a time: only `up` locks it for writing
   return lock;
@@ -176,7 +178,7 @@ void set_stopping_flag(const Target& target) {
 Target selection(const Target& suite, const std::vector<std::string>& only) {
   Target selected = suite;
   if (!only.empty()) {
-    std::erase_if(selected.deployment.nodes, [&](const ros::NodeEntry& node) {
+    std::erase_if(selected.deployment.nodes, [&](const suite::NodeEntry& node) {
       return std::find(only.begin(), only.end(), node.name) == only.end();
     });
   }
@@ -185,12 +187,12 @@ Target selection(const Target& suite, const std::vector<std::string>& only) {
 
 }  // namespace
 
-ros::ParticipantOptions participant_options(const ros::Deployment& deployment, int domain,
+ros::ParticipantOptions participant_options(const suite::Deployment& deployment, int domain,
                                             ros::Executor& executor) {
   ros::ParticipantOptions options{
       domain, deployment.interfaces, &executor,
       ros::SuiteIdentity{deployment.name, "srfs", static_cast<std::uint32_t>(getpid())}};
-  if (deployment.ring.enabled) options.lease = ros::lease_beside_the_ring;
+  if (deployment.ring.enabled) options.lease = suite::lease_beside_the_ring;
   return options;
 }
 
@@ -205,7 +207,7 @@ namespace {
 
 UpReport up_locked(const Target& suite, const UpOptions& options) {
   UpReport report;
-  if (auto unsafe = ros::unsafe_link(suite.deployment, suite.var.root); !unsafe.empty()) {
+  if (auto unsafe = suite::unsafe_link(suite.deployment, suite.var.root); !unsafe.empty()) {
     report.problems.push_back(std::move(unsafe));
     return report;
   }
@@ -223,10 +225,10 @@ UpReport up_locked(const Target& suite, const UpOptions& options) {
   const Target target = selection(suite, options.only);
   Bus bus(target.deployment, report.domain);  // before the nodes, so that it does not slow their start
   Start start(target, options, bus);
-  const ros::LaunchRequest request{suite.deployment, target.var, ros::suite_bin_folder(), options.cause};
+  const suite::LaunchRequest request{suite.deployment, target.var, suite::suite_bin_folder(), options.cause};
   // With a ring every node may be started as soon as one runs.
   for (const auto& node : (suite.deployment.ring.enabled ? suite : target).deployment.nodes) {
-    if (!ros::find_instance(suite.var, node.name)) ros::count_suite_start(request, node);
+    if (!suite::find_instance(suite.var, node.name)) suite::count_suite_start(request, node);
   }
   Fd starting = lock_starting(target.var);
   start.launch(request);
@@ -291,7 +293,7 @@ DownReport down_locked(const Target& target, milliseconds patience) {
       std::filesystem::remove(target.var.restart_lock(node.name), ec);
     }
     if (const auto domain = running_domain(target))
-      (void)ros::DomainLock::share(*domain, target.var.root.string());  // removes the lock of killed nodes
+      (void)suite::DomainLock::share(*domain, target.var.root.string());  // removes the lock of killed nodes
     std::filesystem::remove(target.var.domain_file(), ec);
     std::filesystem::remove(target.var.environment_file(), ec);
     std::filesystem::remove_all(target.var.memory(), ec);
@@ -318,7 +320,7 @@ RestartReport restart(const Target& target, milliseconds patience, const UpOptio
   const Fd suite_lock = lock_suite(target);
   if (was_up && !running_domain(target)) return {};  // a `srfs down` came before
   RestartReport report;
-  if (auto unsafe = ros::unsafe_link(target.deployment, target.var.root); !unsafe.empty()) {
+  if (auto unsafe = suite::unsafe_link(target.deployment, target.var.root); !unsafe.empty()) {
     report.up.emplace().problems.push_back(std::move(unsafe));  // what runs, runs on
     return report;
   }

@@ -9,28 +9,28 @@
 #include <vector>
 
 #include "base/time.hpp"
-#include "ros/deployment.hpp"
-#include "ros/instance.hpp"
 #include "ros/participant.hpp"
+#include "suite/deployment.hpp"
+#include "suite/instance.hpp"
 
 namespace srfs::tool {
 
 /// The deployment an operator's command is about.
 struct Target {
-  ros::Deployment deployment;
-  ros::VarPaths var;
+  suite::Deployment deployment;
+  suite::VarPaths var;
 };
 
 /// A tool's participant: it belongs to the suite that it inspects.
-[[nodiscard]] ros::ParticipantOptions participant_options(const ros::Deployment& deployment, int domain,
+[[nodiscard]] ros::ParticipantOptions participant_options(const suite::Deployment& deployment, int domain,
                                                           ros::Executor& executor);
 
 /// One line of `srfs status`.
 struct NodeStatus {
   std::string name;
   std::string state = "not running";  ///< lifecycle label; "not running"; "not answering"
-  std::optional<ros::RunningInstance> instance;
-  ros::StartRecord starts;
+  std::optional<suite::RunningInstance> instance;
+  suite::StartRecord starts;
   std::string reason;  ///< of the last transition that was refused or failed; empty: it succeeded
   std::uint32_t failed_callbacks = 0;  ///< since its start
 };
@@ -42,7 +42,7 @@ struct UpOptions {
   std::optional<int> domain;
   std::vector<std::string> only;  ///< these nodes alone; empty: all. The others are left as they are
   /// A domain the caller already holds for this suite: no other process may take it during a restart.
-  std::shared_ptr<ros::DomainLock> held_domain;
+  std::shared_ptr<suite::DomainLock> held_domain;
 };
 
 struct UpReport {

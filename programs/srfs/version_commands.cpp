@@ -9,8 +9,8 @@
 #include <nlohmann/json.hpp>
 
 #include "programs/srfs/node_commands.hpp"
-#include "ros/launcher.hpp"
-#include "ros/node_versions.hpp"
+#include "suite/launcher.hpp"
+#include "suite/node_versions.hpp"
 
 namespace srfs::tool {
 namespace {
@@ -48,9 +48,9 @@ std::optional<VersionNumber> parse_version(const std::string& text, const Versio
 }
 
 /// The version that the node's living process runs.
-std::optional<VersionNumber> running_version(const ros::VarPaths& var, const std::string& node) {
-  const auto instance = ros::find_instance(var, node);
-  const auto started = ros::last_started(var, node);
+std::optional<VersionNumber> running_version(const suite::VarPaths& var, const std::string& node) {
+  const auto instance = suite::find_instance(var, node);
+  const auto started = suite::last_started(var, node);
   if (!instance || !started || started->pid != instance->pid) return std::nullopt;
   return started->version;
 }
@@ -60,10 +60,10 @@ int change(const Target& target, const std::string& node, const std::string& ver
            Result<void, std::string> (update::VersionStore::*operation)(VersionNumber),
            const std::string& done) {
   if (target.deployment.find(node) == nullptr) return no_node(node, json);
-  const auto number = parse_version(version, ros::read_versions(target.var, node).table);
+  const auto number = parse_version(version, suite::read_versions(target.var, node).table);
   if (!number)
     return fail(CommandExit::usage, fmt::format("'{}' is not a version of {}", version, node), json);
-  const auto changed = ros::change_versions(
+  const auto changed = suite::change_versions(
       target.var, node, [&](update::VersionStore& store) { return (store.*operation)(*number); });
   if (!changed)
     return fail(CommandExit::refused, fmt::format("{}: {}", name_of(*number), changed.error()), json);
@@ -86,9 +86,9 @@ int show_versions(const Target& target, const std::string& only, bool check, boo
                "OCTETS", "SHA-256", "ADDED", "ORIGIN AND WHY");
   for (const auto& node : target.deployment.nodes) {
     if (!only.empty() && node.name != only) continue;
-    const auto [table, problem] = ros::read_versions(target.var, node.name);
+    const auto [table, problem] = suite::read_versions(target.var, node.name);
     const auto running = running_version(target.var, node.name);
-    update::PosixVersionFiles files(ros::versions_folder(target.var, node.name));
+    update::PosixVersionFiles files(suite::versions_folder(target.var, node.name));
     const update::VersionStore store(files, node.name);
     const auto mark = [&](VersionNumber number) {
       const bool runs = running == number;
@@ -145,7 +145,7 @@ int add_version(const Target& target, const std::string& node, const std::filesy
   if (target.deployment.find(node) == nullptr) return no_node(node, json);
   VersionNumber number = 0;
   const auto added =
-      ros::change_versions(target.var, node, [&](update::VersionStore& store) -> Result<void, std::string> {
+      suite::change_versions(target.var, node, [&](update::VersionStore& store) -> Result<void, std::string> {
         const auto done = store.add(program, origin.empty() ? program.string() : origin, system_utc_now());
         if (!done) return Err(done.error());
         number = *done;
@@ -163,22 +163,22 @@ int add_version(const Target& target, const std::string& node, const std::filesy
 
 int use_version(const Target& target, const std::string& node, const std::string& version,
                 std::optional<seconds> wanted_probation, bool json) {
-  const ros::NodeEntry* entry = target.deployment.find(node);
+  const suite::NodeEntry* entry = target.deployment.find(node);
   if (entry == nullptr) return no_node(node, json);
-  const auto number = parse_version(version, ros::read_versions(target.var, node).table);
+  const auto number = parse_version(version, suite::read_versions(target.var, node).table);
   if (!number)
     return fail(CommandExit::usage, fmt::format("'{}' is not a version of {}", version, node), json);
   const auto& ring = target.deployment.ring;
   const milliseconds probation =
-      wanted_probation ? milliseconds(*wanted_probation) : ros::default_probation(ring, node);
-  const ros::LaunchRequest request{target.deployment, target.var, ros::suite_bin_folder(),
-                                   fmt::format("{} by command", name_of(*number))};
-  const auto used = ros::use_version(request, *entry, *number, probation);
+      wanted_probation ? milliseconds(*wanted_probation) : suite::default_probation(ring, node);
+  const suite::LaunchRequest request{target.deployment, target.var, suite::suite_bin_folder(),
+                                     fmt::format("{} by command", name_of(*number))};
+  const auto used = suite::use_version(request, *entry, *number, probation);
   if (!used) return fail(CommandExit::refused, fmt::format("{}: {}", name_of(*number), used.error()), json);
   const auto& launched = *used;
   if (launched && launched->fallback)
     return fail(CommandExit::refused, fmt::format("{} runs {}", node, to_text(*launched->fallback)), json);
-  const bool on_trial = ros::read_versions(target.var, node).table.on_trial() != nullptr;
+  const bool on_trial = suite::read_versions(target.var, node).table.on_trial() != nullptr;
   if (json) {
     std::cout << Json{{"ok", true},
                       {"version", *number},
@@ -189,7 +189,7 @@ int use_version(const Target& target, const std::string& node, const std::string
   } else {
     fmt::print("{} {} {}{}\n", node, launched ? "runs" : "has", name_of(*number),
                on_trial ? fmt::format(", on probation for {} s", probation / seconds(1)) : "");
-    if (on_trial && ros::needs_confirmation(ring, node))
+    if (on_trial && suite::needs_confirmation(ring, node))
       fmt::print("it is rolled back unless `srfs versions confirm {} {}` comes within this time\n", node,
                  *number);
   }
@@ -197,8 +197,8 @@ int use_version(const Target& target, const std::string& node, const std::string
 }
 
 int confirm_version(const Target& target, const std::string& node, const std::string& version, bool json) {
-  const auto number = parse_version(version, ros::read_versions(target.var, node).table);
-  if (number && !ros::runs_since(target.var, node, *number))
+  const auto number = parse_version(version, suite::read_versions(target.var, node).table);
+  if (number && !suite::runs_since(target.var, node, *number))
     return fail(CommandExit::refused, fmt::format("{} does not run {}", node, name_of(*number)), json);
   return change(target, node, version, json, &update::VersionStore::commit, "is now the last good one");
 }

@@ -7,15 +7,15 @@
 #include <algorithm>
 #include <map>
 
-#include "ros/node.hpp"
-#include "ros/run_node.hpp"
+#include "suite/node.hpp"
+#include "suite/run_node.hpp"
 #include "tests/bench/messages.hpp"
 
 namespace srfs::bench {
 
-class BenchNode final : public ros::LifecycleNode {
+class BenchNode final : public suite::Node {
  public:
-  explicit BenchNode(ros::NodeContext& context) : LifecycleNode(context) {
+  explicit BenchNode(suite::NodeContext& context) : Node(context) {
     period_ = milliseconds(declare_parameter<std::int64_t>(
         "beat_period_ms", 0, {0, 10000, 1}, "Period of /bench/beat, ms; 0: an idle node", true));
   }
@@ -57,5 +57,5 @@ class BenchNode final : public ros::LifecycleNode {
 }  // namespace srfs::bench
 
 int main(int argc, char** argv) {
-  return srfs::ros::run_node<srfs::bench::BenchNode>(argc, argv);
+  return srfs::suite::run_node<srfs::bench::BenchNode>(argc, argv);
 }

@@ -9,7 +9,7 @@
 
 #include <CLI/CLI.hpp>
 
-#include "ros/launcher.hpp"
+#include "suite/launcher.hpp"
 #include "tests/bench/measures.hpp"
 #include "tests/bench/raw_dds.hpp"
 
@@ -63,7 +63,7 @@ void add_image(CLI::App& app, Arguments& a) {
 }
 
 void add_suites(CLI::App& app, Arguments& a) {
-  const auto bin = srfs::ros::suite_bin_folder();
+  const auto bin = srfs::suite::suite_bin_folder();
   auto* c = app.add_subcommand("start", "Exec of a node to the first answered get_state");
   c->add_option("--rounds", a.rounds)->check(CLI::Range(1, 10000))->capture_default_str();
   c->add_option("--others", a.others, "Nodes that are up")->check(CLI::Range(1, 20))->capture_default_str();

@@ -15,12 +15,13 @@
 
 #include "ros/endpoint.hpp"
 #include "ros/executor.hpp"
+#include "suite/topics.hpp"
 #include "tests/bench/process.hpp"
 
 namespace srfs::bench {
 namespace {
 
-namespace topics = ros::topics;
+namespace topics = suite::topics;
 
 constexpr std::size_t most_records = 1U << 20;  // 24 MiB; two hours of a flight
 constexpr seconds longest_search{10};

@@ -7,7 +7,7 @@
 #include <string>
 #include <vector>
 
-#include "ros/topics.hpp"
+#include "suite/topics.hpp"
 
 /// Messages for the benchmarks only: plain structs with visit(), like generated ones.
 namespace srfs::bench {

@@ -12,8 +12,8 @@
 #include "base/cpu_wait.hpp"
 #include "base/file.hpp"
 #include "ros/publisher.hpp"
-#include "ros/ring/process_cpu.hpp"
-#include "ros/topics.hpp"
+#include "suite/ring/process_cpu.hpp"
+#include "suite/topics.hpp"
 #include "tests/bench/measures.hpp"
 #include "tests/bench/suite.hpp"
 
@@ -101,7 +101,7 @@ Json listen_to_the_ring(int domain, seconds time) {
   std::optional<MonotonicTime> first;
   MonotonicTime last;
   const ros::Subscription<srfs_msgs::msg::LivenessReport> reports(
-      executor, *participant, ros::topics::liveness,
+      executor, *participant, suite::topics::liveness,
       [&](const srfs_msgs::msg::LivenessReport& r, const ros::MessageInfo&) {
         if (!first) first = monotonic_now();
         last = monotonic_now();
@@ -134,7 +134,7 @@ double cost_us(F&& read) {
 /// Cost of the kernel's evidence about CPU use (decision 0022) while no node is in doubt. Each node reads its
 /// own data and the next node's in each round, and the next node's threads and /proc/stat each second.
 Json measure_evidence(pid_t pid, int nodes) {
-  auto process = ros::ProcessCpu::open(pid);
+  auto process = suite::ProcessCpu::open(pid);
   if (!process) throw std::runtime_error("this kernel does not tell who waits for a CPU");
   const double read_us = cost_us([&] { (void)process->read(false, monotonic_now()); });
   const double doubt_us = cost_us([&] { (void)process->read(true, monotonic_now()); });
@@ -154,7 +154,7 @@ Json measure_evidence(pid_t pid, int nodes) {
 std::vector<std::uint32_t> incarnations(const Suite& suite, int nodes) {
   std::vector<std::uint32_t> numbers;
   for (int i = 0; i < nodes; ++i) {
-    const auto instance = ros::find_instance(suite.var(), Suite::name(i));
+    const auto instance = suite::find_instance(suite.var(), Suite::name(i));
     numbers.push_back(instance ? instance->incarnation : 0);
   }
   return numbers;

@@ -11,8 +11,8 @@ namespace srfs::bench {
 namespace {
 
 /// A DDS domain that the nodes started here share with the driver.
-ros::DomainLock shared_domain() {
-  auto lock = ros::DomainLock::allocate(std::nullopt, 60);
+suite::DomainLock shared_domain() {
+  auto lock = suite::DomainLock::allocate(std::nullopt, 60);
   if (!lock) throw std::runtime_error(lock.error());
   lock->downgrade();
   return std::move(*lock);
@@ -31,7 +31,7 @@ Suite::Suite(std::filesystem::path bin, int most_nodes, int beat_period_ms, Ring
 
 Suite::~Suite() {
   for (int i = 0; i < most_nodes_; ++i) {
-    if (const auto instance = ros::open_instance(var(), name(i)))
+    if (const auto instance = suite::open_instance(var(), name(i)))
       testing_support::signal_child(instance->pid(), SIGKILL);
   }
   std::error_code ec;

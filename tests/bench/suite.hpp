@@ -15,7 +15,7 @@
 
 #include "base/fd.hpp"
 #include "ros/client.hpp"
-#include "ros/instance.hpp"
+#include "suite/instance.hpp"
 #include "tests/bench/process.hpp"
 #include "tests/bench/raw_dds.hpp"
 #include "tests/signal_child.hpp"
@@ -55,14 +55,14 @@ class Suite {
   }
   /// @param asked  nodes to query every 100 ms
   [[nodiscard]] Child start_raw(int i, int writers, int readers, const std::vector<int>& asked = {}) const;
-  [[nodiscard]] ros::VarPaths var() const { return {folder()}; }
+  [[nodiscard]] suite::VarPaths var() const { return {folder()}; }
 
  private:
   [[nodiscard]] std::filesystem::path deployment() const { return folder_.path() / "bench.yaml"; }
   std::filesystem::path bin_;
   int most_nodes_;
   testing_support::TemporaryFolder folder_;
-  ros::DomainLock domain_;
+  suite::DomainLock domain_;
 };
 
 /// Asks one node for its state, from a separate participant.

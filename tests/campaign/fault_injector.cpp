@@ -28,7 +28,7 @@
 #include <string_view>
 
 #include "ros/executor.hpp"
-#include "ros/node.hpp"
+#include "suite/node.hpp"
 
 namespace {
 
@@ -292,16 +292,15 @@ bool Executor::run_one_source() {
   return false;
 }
 
-// The node programs call these two; the ring's own timer is made within the library.
+// All timers of a node but those of its ring and of run_node, which are made by the executor itself.
 Timer LifecycleNode::create_timer(nanoseconds period, std::function<void()> callback,
                                   std::string_view timer_name) {
-  return context_.executor.add_timer(monotonic_now() + period, period, unless_idle(std::move(callback)),
-                                     timer_name);
+  return executor_.add_timer(monotonic_now() + period, period, unless_idle(std::move(callback)), timer_name);
 }
 
 Timer LifecycleNode::create_one_shot(MonotonicTime at, std::function<void()> callback,
                                      std::string_view timer_name) {
-  return context_.executor.add_timer(at, nanoseconds(0), unless_idle(std::move(callback)), timer_name);
+  return executor_.add_timer(at, nanoseconds(0), unless_idle(std::move(callback)), timer_name);
 }
 
 }  // namespace srfs::ros

@@ -2,19 +2,20 @@
 // SPDX-License-Identifier: Apache-2.0
 // The node under test: only the ROS layer with a parameter of every type, one input and one client.
 
-#include "ros/run_node.hpp"
+#include "suite/run_node.hpp"
 
 #include <lifecycle_msgs/srv/get_state.hpp>
 
-#include "ros/node.hpp"
+#include "suite/node.hpp"
 
 namespace {
 
 using namespace srfs::ros;
+namespace suite = srfs::suite;
 
-class ConformanceNode : public LifecycleNode {
+class ConformanceNode : public suite::Node {
  public:
-  explicit ConformanceNode(NodeContext& context) : LifecycleNode(context) {
+  explicit ConformanceNode(suite::NodeContext& context) : Node(context) {
     declare_parameter("configure_fails", false, "Configuring returns failure");
     declare_parameter("camera.gain", 1.5, ParameterRange{0.0, 8.0}, "Gain of the camera");
     declare_parameter("camera.lens.focus", std::int64_t{-3}, ParameterRange{-10, 10}, "Focus in steps");
@@ -47,11 +48,11 @@ class ConformanceNode : public LifecycleNode {
   std::shared_ptr<Client<lifecycle_msgs::srv::GetState>> peer_ =
       create_client<lifecycle_msgs::srv::GetState>("/ros2_peer/get_state");
   std::shared_ptr<Subscription<srfs_msgs::msg::TaskFlags>> flags_ =
-      create_subscription(topics::task_flags, [](const srfs_msgs::msg::TaskFlags&) {});
+      create_subscription(suite::topics::task_flags, [](const srfs_msgs::msg::TaskFlags&) {});
 };
 
 }  // namespace
 
 int main(int argc, char** argv) {
-  return run_node<ConformanceNode>(argc, argv);
+  return srfs::suite::run_node<ConformanceNode>(argc, argv);
 }

@@ -14,14 +14,14 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
-#include "ros/instance.hpp"
+#include "suite/instance.hpp"
 #include "tests/signal_child.hpp"
 
 namespace srfs::conformance {
 
 int test_domain() {
-  static const ros::DomainLock lock = [] {
-    auto allocated = ros::DomainLock::allocate(std::nullopt, 60).value();
+  static const suite::DomainLock lock = [] {
+    auto allocated = suite::DomainLock::allocate(std::nullopt, 60).value();
     allocated.downgrade();  // the node shares the domain
     return allocated;
   }();
@@ -52,7 +52,7 @@ NodeProcess::~NodeProcess() {
     testing_support::signal_child(pid_, SIGKILL);
     waitpid(pid_, &status, 0);
   }
-  std::filesystem::remove_all(ros::VarPaths{folder_.path()}.memory());
+  std::filesystem::remove_all(suite::VarPaths{folder_.path()}.memory());
   EXPECT_TRUE(ended && WIFEXITED(status) && WEXITSTATUS(status) == 0) << name_ << ": status " << status;
 }
 

@@ -9,34 +9,34 @@
 #include "base/crc32c.hpp"
 #include "base/time.hpp"
 #include "msgs/mission/dictionary.hpp"
-#include "ros/added_nodes.hpp"
+#include "suite/added_nodes.hpp"
 
 namespace {
 
 using namespace srfs;
 
-const ros::Deployment& deployment() {
-  static const ros::Deployment made = [] {
-    ros::Deployment d;
+const suite::Deployment& deployment() {
+  static const suite::Deployment made = [] {
+    suite::Deployment d;
     d.devices = {{"can", "sim:can"}};
     for (const char* node : {"timing", "payload_eps"})
-      d.nodes.push_back({node, "program", {}, {}, 0, 0, {}, "", "", ConfigSection::parse("", node)});
+      d.nodes.push_back({node, "program", {}, {}, 0, 0, {}, "", "", ConfigSection::parse("", node), {}});
     d.slots = {{"payload_eps", milliseconds(60), milliseconds(20), milliseconds(40)}};
     return d;
   }();
   return made;
 }
 
-void check(const ros::AddedNodes& added) {
-  const auto d = ros::with_added(deployment(), added).deployment;
+void check(const suite::AddedNodes& added) {
+  const auto d = suite::with_added(deployment(), added).deployment;
   if (d.nodes.size() != deployment().nodes.size() + d.added.size()) std::abort();
-  if (d.slots.size() > ros::slots_at_most) std::abort();
+  if (d.slots.size() > suite::slots_at_most) std::abort();
   for (std::size_t i = 0; i < deployment().slots.size(); ++i) {
     if (d.slots[i].payload != deployment().slots[i].payload) std::abort();
   }
   std::size_t payloads = 0;
-  for (const ros::Slot& slot : d.slots) payloads += slot.payload.empty() ? 0 : 1;
-  if (ros::turns_of(d.slots).size() != payloads) std::abort();
+  for (const suite::Slot& slot : d.slots) payloads += slot.payload.empty() ? 0 : 1;
+  if (suite::turns_of(d.slots).size() != payloads) std::abort();
 }
 
 }  // namespace
@@ -49,7 +49,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
       std::string whole = "# Nodes that were added to the suite. Written by SRFS.\n" + text;
       whole += fmt::format("# crc32c {:08x}\n",
                            crc32c({reinterpret_cast<const std::uint8_t*>(whole.data()), whole.size()}));
-      if (const auto added = ros::added_nodes_from_text(whole)) check(*added);
+      if (const auto added = suite::added_nodes_from_text(whole)) check(*added);
       break;
     }
     case 1:

@@ -8,7 +8,7 @@
 
 #include <mission/structures.hpp>
 
-#include "commanding/telecommand_journal.hpp"
+#include "suite/commanding/telecommand_journal.hpp"
 #include "wire/crc16.hpp"
 
 namespace {

@@ -14,10 +14,10 @@
 
 #include "base/file.hpp"
 #include "ros/action_client.hpp"
-#include "ros/instance.hpp"
-#include "ros/mission_time.hpp"
 #include "ros/publisher.hpp"
-#include "ros/topics.hpp"
+#include "suite/instance.hpp"
+#include "suite/mission_time.hpp"
+#include "suite/topics.hpp"
 
 namespace {
 
@@ -70,7 +70,7 @@ int main(int argc, char** argv) {
   app.add_option("--cancel-after", cancel_after);
   CLI11_PARSE(app, argc, argv);
 
-  const auto domain = read_file(ros::VarPaths{var}.domain_file(), 64);
+  const auto domain = read_file(suite::VarPaths{var}.domain_file(), 64);
   if (!domain) {
     std::cerr << domain.error().message << '\n';
     return 1;
@@ -82,9 +82,9 @@ int main(int argc, char** argv) {
   }
   ros::Executor executor;
   const MonotonicTime until = monotonic_now() + patience;
-  ros::MissionTime time;
+  suite::MissionTime time;
   const ros::Subscription<srfs_msgs::msg::TimeTick> ticks(
-      executor, **participant, ros::topics::time_tick,
+      executor, **participant, suite::topics::time_tick,
       [&](const srfs_msgs::msg::TimeTick& tick, const ros::MessageInfo&) { time.on_tick(tick); });
   if (start_in_ms >= 0) {
     if (!executor.spin_until([&] { return time.valid(); }, until)) return 1;

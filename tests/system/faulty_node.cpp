@@ -9,15 +9,15 @@
 
 #include <mission/structures.hpp>
 
-#include "ros/node.hpp"
-#include "ros/run_node.hpp"
+#include "suite/node.hpp"
+#include "suite/run_node.hpp"
 
 namespace srfs {
 namespace {
 
-class FaultyNode : public ros::LifecycleNode {
+class FaultyNode : public suite::Node {
  public:
-  explicit FaultyNode(ros::NodeContext& context) : LifecycleNode(context) {
+  explicit FaultyNode(suite::NodeContext& context) : Node(context) {
     declare_parameter("configure_ms", std::int64_t{0}, ros::ParameterRange{0, 60000, 10},
                       "How long configuring takes");
     declare_parameter("fault", std::string("none"),
@@ -79,5 +79,5 @@ class FaultyNode : public ros::LifecycleNode {
 }  // namespace srfs
 
 int main(int argc, char** argv) {
-  return srfs::ros::run_node<srfs::FaultyNode>(argc, argv);
+  return srfs::suite::run_node<srfs::FaultyNode>(argc, argv);
 }

@@ -40,8 +40,9 @@ class DebianPackageTest(unittest.TestCase):
         self.assertLessEqual({"srfs", "srfs-lane", "srfs-ground", "srfs-product", "hw_sim", *nodes}, programs)
         for path in (
             "opt/srfs/lib/libsrfs_ros.so.0",
+            "opt/srfs/lib/libsrfs_suite.so.0",
             "opt/srfs/lib/cmake/srfs/srfsConfig.cmake",
-            "opt/srfs/include/srfs/ros/node.hpp",
+            "opt/srfs/include/srfs/suite/node.hpp",
             "opt/srfs/share/srfs/node_build.json",
             "opt/srfs/share/srfs/mission",
             "opt/srfs/share/srfs/launch_config/sim.yaml",

@@ -53,7 +53,7 @@ class HardeningTest(unittest.TestCase):
         self.assertGreater(len(big), 8)
         self.assertEqual([path.name for path in big if not hardening.has_stack_protector(hardening.read(path))], [])
         fortified = {path.name.partition(".")[0] for path in self.files if hardening.is_fortified(hardening.read(path))}
-        self.assertLessEqual({"libsrfs_base", "libsrfs_hw", "libsrfs_ros", "libsrfs_mission", "libsrfs_image"}, fortified)
+        self.assertLessEqual({"libsrfs_base", "libsrfs_hw", "libsrfs_suite", "libsrfs_mission", "libsrfs_image"}, fortified)
 
     def test_what_runs_from_the_build_folder_is_hardened_too(self):
         self.assertEqual(hardening.faults_below(BUILD / "bin", BUILD / "lib"), [])

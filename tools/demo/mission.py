@@ -176,7 +176,7 @@ def has_ended(handle, pid, patience_s, begin):
 
 
 def memory_folder(var):
-    """Where the nodes of a VAR folder share memory (VarPaths::memory in lib/ros/instance.cpp)."""
+    """Where the nodes of a VAR folder share memory (VarPaths::memory in lib/suite/instance.cpp)."""
     value = 0xCBF29CE484222325  # FNV-1a
     for octet in f"{os.path.normpath(os.path.abspath(var))}/".encode():
         value = (value ^ octet) * 0x100000001B3 % 2**64
@@ -184,7 +184,7 @@ def memory_folder(var):
 
 
 def has_come(var, node):
-    """Whether a node is in its desired state, by its heartbeat page (lib/ros/ring/heartbeat_page.cpp)."""
+    """Whether a node is in its desired state, by its heartbeat page (lib/suite/ring/heartbeat_page.cpp)."""
     try:
         _, process, _, _, lifecycle, _ = struct.unpack("6Q", (memory_folder(var) / f"{node}.heartbeat").read_bytes()[:48])
     except (OSError, struct.error):

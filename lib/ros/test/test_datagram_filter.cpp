@@ -9,9 +9,9 @@
 #include <srfs_msgs/msg/task_flags.hpp>
 
 #include "ros/datagram_filter.hpp"
-#include "ros/image_topics.hpp"
 #include "ros/participant.hpp"
 #include "ros/type_support.hpp"
+#include "suite/image_topics.hpp"
 #include "tests/rtps_message.hpp"
 
 namespace srfs::ros {
@@ -387,7 +387,6 @@ TEST(LargestSample, FollowsFromTheBoundsOfTheType) {
   EXPECT_GE(largest_sample<srfs_msgs::msg::Event>(), encoded_size(event));
   EXPECT_LT(largest_sample<srfs_msgs::msg::Event>(), 8192U);
   EXPECT_EQ(largest_sample<sensor_msgs::msg::Image>(), largest_unbounded_payload);
-  EXPECT_EQ(topics::image_raw.qos.largest_octets, largest_payload);
 }
 
 TEST(DepartureMessage, IsTheDisposalOfTheParticipantAsItWouldSendItItself) {

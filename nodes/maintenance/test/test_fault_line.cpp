@@ -8,14 +8,14 @@ namespace srfs {
 namespace {
 
 TEST(FaultLine, CarriesWhatTheLedgerSaysAndMarksDurationsThatItDidNotComeTo) {
-  ros::FaultRecord record;
+  suite::FaultRecord record;
   record.sequence = 7;
   record.utc = UtcTime(seconds(1'795'000'000));
   record.observer = "payload_eps";
   record.subject = "payload_thermal";
-  record.fault = ros::FaultClass::silent;
+  record.fault = suite::FaultClass::silent;
   record.misses = 3;
-  record.outcome = ros::RestartOutcome::What::backing_off;
+  record.outcome = suite::RestartOutcome::What::backing_off;
   record.judged = milliseconds(312);
 
   const mission::RingFaultHousekeeping line = to_mission(record);
@@ -30,7 +30,7 @@ TEST(FaultLine, CarriesWhatTheLedgerSaysAndMarksDurationsThatItDidNotComeTo) {
 }
 
 TEST(FaultLine, CutsTextsThatAreTooLongAndStillEncodes) {
-  ros::FaultRecord record;
+  suite::FaultRecord record;
   record.observer = record.subject = record.cause = record.detail = std::string(500, 'x');
 
   const auto decoded = mission::RingFaultHousekeeping::decode(to_mission(record).encoded());
@@ -41,8 +41,8 @@ TEST(FaultLine, CutsTextsThatAreTooLongAndStillEncodes) {
 }
 
 TEST(FaultLine, OfARecoveryNamesNoOutcomeOfAnAccusation) {
-  ros::FaultRecord record;
-  record.kind = ros::FaultRecord::Kind::active;
+  suite::FaultRecord record;
+  record.kind = suite::FaultRecord::Kind::active;
   record.active = milliseconds(150);
 
   const mission::RingFaultHousekeeping line = to_mission(record);

@@ -15,7 +15,7 @@
 namespace srfs {
 namespace {
 
-using ros::CrashReport;
+using suite::CrashReport;
 using ::testing::UnorderedElementsAre;
 
 std::filesystem::file_time_type at(int second) {
@@ -23,7 +23,7 @@ std::filesystem::file_time_type at(int second) {
 }
 
 std::vector<std::uint32_t> incarnations(std::vector<CrashReport> reports) {
-  ros::sort_by_age(reports);
+  suite::sort_by_age(reports);
   std::vector<std::uint32_t> sorted;
   sorted.reserve(reports.size());
   for (const CrashReport& report : reports) sorted.push_back(report.incarnation);

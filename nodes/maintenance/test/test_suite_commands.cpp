@@ -20,16 +20,16 @@ using SetResponse = rcl_interfaces::srv::SetParameters_Response;
 
 struct SuiteCommandsTest : testing::Test {
   testing_support::TemporaryFolder folder;
-  ros::Deployment deployment = load();
+  suite::Deployment deployment = load();
 
-  [[nodiscard]] ros::Deployment load() const {
+  [[nodiscard]] suite::Deployment load() const {
     EXPECT_TRUE(write_file_atomically(
         folder.path() / "d.yaml",
         "deployment: t\n"
         "link: { spacecraft_id: 0xAB, tc_channels: [{ vc: 1, security: none }] }\n"
         "nodes: [{ name: payload_eps, executable: payload_eps_node }, { name: ttc, executable: ttc_node },\n"
         "        { name: payload_impact, executable: payload_impact_node }]\n"));
-    ros::Deployment loaded = ros::Deployment::load(folder.path() / "d.yaml");
+    suite::Deployment loaded = suite::Deployment::load(folder.path() / "d.yaml");
     loaded.nodes.back().added = true;
     loaded.ring.confirmed = {"ttc"};
     return loaded;

@@ -5,10 +5,10 @@
 #include <gtest/gtest.h>
 
 #include "base/file.hpp"
-#include "ros/crash_report.hpp"
-#include "ros/node_versions.hpp"
-#include "ros/ring/fault_ledger.hpp"
-#include "ros/ring/node_record.hpp"
+#include "suite/crash_report.hpp"
+#include "suite/node_versions.hpp"
+#include "suite/ring/fault_ledger.hpp"
+#include "suite/ring/node_record.hpp"
 #include "tests/temporary_folder.hpp"
 
 namespace srfs {
@@ -18,15 +18,15 @@ const std::string eps = "payload_eps";
 
 struct SuiteFilesTest : testing::Test {
   testing_support::TemporaryFolder folder;
-  SuiteFiles suite{ros::VarPaths::at(folder.path()), load(), "maintenance"};
+  SuiteFiles suite{suite::VarPaths::at(folder.path()), load(), "maintenance"};
 
-  [[nodiscard]] ros::Deployment load() const {
+  [[nodiscard]] suite::Deployment load() const {
     EXPECT_TRUE(
         write_file_atomically(folder.path() / "d.yaml",
                               "deployment: t\n"
                               "link: { spacecraft_id: 0xAB, tc_channels: [{ vc: 1, security: none }] }\n"
                               "nodes: [{ name: payload_eps, executable: payload_eps_node }]\n"));
-    return ros::Deployment::load(folder.path() / "d.yaml");
+    return suite::Deployment::load(folder.path() / "d.yaml");
   }
   SuiteFilesTest() { suite.var.make_run_folder(); }
   /// A candidate among the versions of payload_eps.
@@ -35,7 +35,7 @@ struct SuiteFilesTest : testing::Test {
     EXPECT_TRUE(write_file_atomically(program, "a program"));
     update::VersionNumber number = update::golden;
     const auto added =
-        ros::change_versions(suite.var, eps, [&](update::VersionStore& store) -> Result<void, std::string> {
+        suite::change_versions(suite.var, eps, [&](update::VersionStore& store) -> Result<void, std::string> {
           const auto stored = store.add(program, "by a test", UtcTime(seconds(1)));
           if (!stored) return Err(stored.error());
           number = *stored;
@@ -55,24 +55,24 @@ struct SuiteFilesTest : testing::Test {
 
 TEST_F(SuiteFilesTest, ANodeIsHeldUntilItIsReleased) {
   EXPECT_EQ(outcome(mission::RingHold{.node = eps}), mission::failure::none);
-  EXPECT_EQ(ros::held_because(suite.var, suite.deployment, eps, monotonic_now()), "held by telecommand");
+  EXPECT_EQ(suite::held_because(suite.var, suite.deployment, eps, monotonic_now()), "held by telecommand");
   EXPECT_EQ(outcome(mission::RingHold{.node = eps}), mission::failure::none) << "again";
   EXPECT_EQ(outcome(mission::RingRelease{.node = eps}), mission::failure::none);
-  EXPECT_EQ(ros::held_because(suite.var, suite.deployment, eps, monotonic_now()), std::nullopt);
+  EXPECT_EQ(suite::held_because(suite.var, suite.deployment, eps, monotonic_now()), std::nullopt);
 }
 
 TEST_F(SuiteFilesTest, ANodeThatIsDownIsReleasedInactive) {
   EXPECT_EQ(outcome(mission::RingHold{.node = eps}), mission::failure::none);
   EXPECT_EQ(outcome(mission::RingReleaseInactive{.node = eps}), mission::failure::none);
-  EXPECT_EQ(ros::desired_state(suite.var, suite.deployment, eps, monotonic_now()).state,
+  EXPECT_EQ(suite::desired_state(suite.var, suite.deployment, eps, monotonic_now()).state,
             ros::State::inactive);
-  EXPECT_EQ(ros::held_because(suite.var, suite.deployment, eps, monotonic_now()), std::nullopt);
+  EXPECT_EQ(suite::held_because(suite.var, suite.deployment, eps, monotonic_now()), std::nullopt);
 }
 
 TEST_F(SuiteFilesTest, TheNewestFaultsAreReportedTheOldestOfThemFirst) {
-  const ros::FaultLedger ledger(suite.var);
+  const suite::FaultLedger ledger(suite.var);
   for (const char* subject : {"ttc", "timing", "payload_eps"}) {
-    ros::FaultRecord record;
+    suite::FaultRecord record;
     record.subject = subject;
     ASSERT_TRUE(ledger.append(record));
   }
@@ -104,11 +104,11 @@ TEST_F(SuiteFilesTest, AVersionIsRemovedOnceAndThenItIsGone) {
 TEST_F(SuiteFilesTest, AVersionOfANodeThatDoesNotRunIsUsedFromItsNextStartOn) {
   const auto number = add_version();
   EXPECT_EQ(outcome(UseVersion{eps, number, seconds(60)}), mission::failure::none);
-  EXPECT_EQ(ros::read_versions(suite.var, eps).table.active(), number);
+  EXPECT_EQ(suite::read_versions(suite.var, eps).table.active(), number);
   EXPECT_EQ(outcome(ConfirmVersion{eps, number, MonotonicTime(seconds(1))}),
             mission::failure::version_not_running);
   EXPECT_EQ(outcome(UseVersion{eps, std::nullopt, seconds(60)}), mission::failure::none) << "back to golden";
-  EXPECT_EQ(ros::read_versions(suite.var, eps).table.active(), update::golden);
+  EXPECT_EQ(suite::read_versions(suite.var, eps).table.active(), update::golden);
 }
 
 TEST_F(SuiteFilesTest, AVersionOrANodeThatIsNotThereIsNotUsed) {

@@ -54,7 +54,7 @@ TEST_F(VersionRules, AnAddedNodeLeavesOnceItHasNoVersionThatIsGood) {
 
 TEST(LimitViolation, CountsUntilTheProbationHasEnded) {
   const auto trial = [](seconds lived, bool to_confirm) {
-    return ros::VersionTrial{
+    return suite::VersionTrial{
         .version = 1, .probation = seconds(300), .lived = lived, .to_confirm = to_confirm};
   };
   EXPECT_FALSE(is_on_probation(std::nullopt));

@@ -12,7 +12,7 @@
 #include <gtest/gtest.h>
 
 #include "programs/srfs/doctor.hpp"
-#include "ros/instance.hpp"
+#include "suite/instance.hpp"
 #include "tests/temporary_folder.hpp"
 
 namespace srfs::tool {
@@ -99,7 +99,7 @@ class DoctorTest : public testing::Test {
 
   std::vector<Finding> examined(const std::string& yaml = board) {
     put("/deployment.yaml", yaml);
-    return examine(machine_, ros::Deployment::load(machine_.at("/deployment.yaml")), "/var/lib/srfs",
+    return examine(machine_, suite::Deployment::load(machine_.at("/deployment.yaml")), "/var/lib/srfs",
                    "/opt/srfs", UtcTime(seconds(1'700'000'001)));
   }
   /// The worst finding of a check.
@@ -224,7 +224,7 @@ TEST_F(DoctorTest, ASimulationNeedsNoHardwareNoRealTimeAndNoKeys) {
   put("/sys/devices/system/cpu/cpu0/cpufreq/scaling_governor", "powersave\n");
   put("/proc/1/comm", "systemd-timesyn\n");
   sysctl("net/core/rmem_max", "212992");
-  const ros::Deployment deployment = ros::Deployment::load(SRFS_SOURCE_DIR "/launch_config/sim.yaml");
+  const suite::Deployment deployment = suite::Deployment::load(SRFS_SOURCE_DIR "/launch_config/sim.yaml");
   const auto findings =
       examine(machine_, deployment, "/var/lib/srfs", "/opt/srfs", UtcTime(seconds(1'700'000'001)));
   for (const Finding& f : findings) EXPECT_NE(f.verdict, Verdict::fail) << f.check << ": " << f.found;
@@ -430,7 +430,7 @@ TEST_F(DoctorTest, ASysctlIsNamedWithTheCommandThatChangesItNowAndForTheNextBoot
 }
 
 TEST_F(DoctorTest, WhatAKilledSuiteLeftInMemoryIsToldFromASuiteThatRuns) {
-  const std::string own = ros::VarPaths{"/var/lib/srfs"}.memory();
+  const std::string own = suite::VarPaths{"/var/lib/srfs"}.memory();
   fs::create_directories(machine_.at(own));
   fs::create_directories(machine_.at("/dev/shm/srfs_0123456789abcdef"));
   EXPECT_EQ(finding("memory.suites").verdict, Verdict::warn);
@@ -443,7 +443,7 @@ TEST_F(DoctorTest, WhatAKilledSuiteLeftInMemoryIsToldFromASuiteThatRuns) {
 }
 
 TEST_F(DoctorTest, AFolderInMemoryOrOfLocksThatSomebodyElseMadeIsNotThisSuites) {
-  const std::string own = ros::VarPaths{"/var/lib/srfs"}.memory();
+  const std::string own = suite::VarPaths{"/var/lib/srfs"}.memory();
   for (const auto& [check, folder] : {std::pair<std::string, std::string>("memory.suites", own),
                                       {"network.domains", "/tmp/srfs_domains_0"}}) {
     fs::create_directories(machine_.at(folder));

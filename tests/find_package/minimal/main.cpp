@@ -2,16 +2,16 @@
 // SPDX-License-Identifier: Apache-2.0
 // The smallest lifecycle node: counts while it is active.
 
-#include "ros/node.hpp"
-#include "ros/run_node.hpp"
+#include "suite/node.hpp"
+#include "suite/run_node.hpp"
 
 namespace {
 
 using namespace srfs;
 
-class MinimalNode : public ros::LifecycleNode {
+class MinimalNode : public suite::Node {
  public:
-  explicit MinimalNode(ros::NodeContext& context) : LifecycleNode(context) {}
+  explicit MinimalNode(suite::NodeContext& context) : Node(context) {}
 
  protected:
   ros::CallbackReturn on_activate() override {
@@ -32,5 +32,5 @@ class MinimalNode : public ros::LifecycleNode {
 }  // namespace
 
 int main(int argc, char** argv) {
-  return srfs::ros::run_node<MinimalNode>(argc, argv);
+  return srfs::suite::run_node<MinimalNode>(argc, argv);
 }

@@ -42,14 +42,14 @@ class ImageAcquisitionNodeTest : public testing::Test {
   }
   void SetUp() override {
     ticks_ =
-        std::make_unique<ros::Publisher<srfs_msgs::msg::TimeTick>>(participant(1), ros::topics::time_tick);
+        std::make_unique<ros::Publisher<srfs_msgs::msg::TimeTick>>(participant(1), suite::topics::time_tick);
     images_ = std::make_unique<ros::Subscription<sensor_msgs::msg::Image>>(
-        executor_, participant(1), ros::topics::image_raw,
+        executor_, participant(1), suite::topics::image_raw,
         [this](const sensor_msgs::msg::Image& image, const ros::MessageInfo&) {
           received_.push_back(image);
         });
     events_ = std::make_unique<ros::Subscription<srfs_msgs::msg::Event>>(
-        executor_, participant(1), ros::topics::event,
+        executor_, participant(1), suite::topics::event,
         [this](const srfs_msgs::msg::Event& event, const ros::MessageInfo&) {
           event_ids_.push_back(event.event_id);
         });
@@ -69,9 +69,9 @@ class ImageAcquisitionNodeTest : public testing::Test {
         folder_ / "d.yaml", "deployment: t\ndevices: { " + devices +
                                 " }\nnodes: [{ name: image_acquisition, executable: x, parameters: { " +
                                 parameters + " } }]\n"));
-    deployment_ = std::make_unique<ros::Deployment>(ros::Deployment::load(folder_ / "d.yaml"));
-    context_ = std::make_unique<ros::NodeContext>(ros::NodeContext{
-        "image_acquisition", *deployment_, ros::VarPaths{folder_}, 1, executor_, participant(0)});
+    deployment_ = std::make_unique<suite::Deployment>(suite::Deployment::load(folder_ / "d.yaml"));
+    context_ = std::make_unique<suite::NodeContext>(suite::NodeContext{
+        "image_acquisition", *deployment_, suite::VarPaths{folder_}, 1, executor_, participant(0)});
     node_ = std::make_unique<ImageAcquisitionNode>(
         *context_, [this](std::string_view, const std::filesystem::path&) {
           return Result<std::unique_ptr<hw::Camera>, hw::HwError>(std::make_unique<ScriptedCamera>(script_));
@@ -138,8 +138,8 @@ class ImageAcquisitionNodeTest : public testing::Test {
   const MonotonicTime start_ = monotonic_now();
   ros::Executor executor_;
   std::shared_ptr<CameraScript> script_ = std::make_shared<CameraScript>();
-  std::unique_ptr<ros::Deployment> deployment_;
-  std::unique_ptr<ros::NodeContext> context_;
+  std::unique_ptr<suite::Deployment> deployment_;
+  std::unique_ptr<suite::NodeContext> context_;
   std::unique_ptr<ImageAcquisitionNode> node_;
   std::unique_ptr<ros::Publisher<srfs_msgs::msg::TimeTick>> ticks_;
   std::unique_ptr<ros::Subscription<sensor_msgs::msg::Image>> images_;

@@ -47,18 +47,18 @@ class ImageProcessingNodeTest : public testing::Test {
     ASSERT_TRUE(write_file_atomically(folder_ / "d.yaml",
                                       "deployment: t\nnodes: [{name: image_processing, executable: x, "
                                       "parameters: {product_quota_mib: 1}}]\n"));
-    deployment_ = std::make_unique<ros::Deployment>(ros::Deployment::load(folder_ / "d.yaml"));
-    context_ = std::make_unique<ros::NodeContext>(
-        ros::NodeContext{"image_processing", *deployment_, ros::VarPaths{folder_}, 1, executor_, *here_});
+    deployment_ = std::make_unique<suite::Deployment>(suite::Deployment::load(folder_ / "d.yaml"));
+    context_ = std::make_unique<suite::NodeContext>(
+        suite::NodeContext{"image_processing", *deployment_, suite::VarPaths{folder_}, 1, executor_, *here_});
     node_ = std::make_unique<ImageProcessingNode>(*context_);
     node_->finish_declarations();
     ASSERT_TRUE(node_->go_to(ros::State::active)) << node_->failure_reason();
     client_ = std::make_unique<ros::ActionClient<Process>>(executor_, *there_, "/image/process");
     detections_reader_ = std::make_unique<ros::Subscription<ImageDetections>>(
-        executor_, *there_, ros::topics::image_detections,
+        executor_, *there_, suite::topics::image_detections,
         [this](const ImageDetections& m, const ros::MessageInfo&) { detections_.push_back(m); });
     events_reader_ = std::make_unique<ros::Subscription<Event>>(
-        executor_, *there_, ros::topics::event,
+        executor_, *there_, suite::topics::event,
         [this](const Event& m, const ros::MessageInfo&) { events_.push_back(m); });
     ASSERT_TRUE(wait([&] {
       return client_->is_ready() && detections_reader_->publisher_count() == 1 &&
@@ -142,8 +142,8 @@ class ImageProcessingNodeTest : public testing::Test {
   const testing_support::TemporaryFolder temporary_;
   const std::filesystem::path folder_ = temporary_.path();
   const std::filesystem::path images_ = folder_ / "images";
-  std::unique_ptr<ros::Deployment> deployment_;
-  std::unique_ptr<ros::NodeContext> context_;
+  std::unique_ptr<suite::Deployment> deployment_;
+  std::unique_ptr<suite::NodeContext> context_;
   std::unique_ptr<ImageProcessingNode> node_;
   std::unique_ptr<ros::ActionClient<Process>> client_;
   std::shared_ptr<ros::ClientGoal<Process>> probe_;

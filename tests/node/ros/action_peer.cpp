@@ -17,12 +17,13 @@
 #include <sys/prctl.h>
 
 #include <example_interfaces/action/fibonacci.hpp>
+#include <srfs_msgs/msg/task_flags.hpp>
 #include <srfs_msgs/srv/check_alive.hpp>
 
 #include "ros/action_client.hpp"
 #include "ros/action_server.hpp"
-#include "ros/instance.hpp"
 #include "ros/publisher.hpp"
+#include "suite/departures.hpp"
 
 namespace {
 
@@ -104,13 +105,13 @@ int stay_mute(Executor& executor, Participant& participant, const std::string& n
 
 /// Like every node, holds its lock and its participant until it is killed.
 int be_a_node(int domain, const std::string& var_folder) {
-  const VarPaths var{var_folder};
-  auto lock = InstanceLock::take(var, "victim");
+  const suite::VarPaths var{var_folder};
+  auto lock = suite::InstanceLock::take(var, "victim");
   if (!lock) return 3;
   lock->publish(1, "probe");
   Executor executor;
   ParticipantOptions options{domain, {"127.0.0.1"}, &executor, SuiteIdentity{"t", "victim", 1}};
-  options.lease = lease_beside_the_ring;
+  options.lease = suite::lease_beside_the_ring;
   const auto participant = Participant::create(options);
   if (!participant) return 2;
   const Publisher<srfs_msgs::msg::TaskFlags> publisher(**participant, {"/test/victim", {}});

@@ -14,7 +14,7 @@
 #include <example_interfaces/action/fibonacci.hpp>
 
 #include "base/file.hpp"
-#include "ros/node.hpp"
+#include "suite/node.hpp"
 #include "tests/dds_domain.hpp"
 #include "tests/node/ros/peer_process.hpp"
 #include "tests/temporary_folder.hpp"
@@ -471,9 +471,9 @@ TEST_F(ActionTest, AKilledServerIsNoticedAndNothingIsLeft) {
   expect_end(again, GoalState::canceled);
 }
 
-class ImagingNode : public LifecycleNode {
+class ImagingNode : public suite::Node {
  public:
-  explicit ImagingNode(NodeContext& context) : LifecycleNode(context) {
+  explicit ImagingNode(suite::NodeContext& context) : Node(context) {
     worker_ = create_worker("camera", 4);
     capture_ = create_action_server<Fibonacci>("~/capture", {.accepted = [this](FibonacciGoal goal) {
                                                  goal->run_on(*worker_, [](ServerGoal<Fibonacci>& work) {
@@ -496,8 +496,8 @@ TEST_F(ActionTest, ANodeServesAndCallsActionsByName) {
   const std::filesystem::path& folder = temporary.path();
   ASSERT_TRUE(write_file_atomically(
       folder / "d.yaml", "deployment: t\nnodes: [{name: imaging, executable: x, parameters: {}}]\n"));
-  const Deployment deployment = Deployment::load(folder / "d.yaml");
-  NodeContext context{"imaging", deployment, VarPaths{folder}, 1, executor_, *here_};
+  const suite::Deployment deployment = suite::Deployment::load(folder / "d.yaml");
+  suite::NodeContext context{"imaging", deployment, suite::VarPaths{folder}, 1, executor_, *here_};
   ImagingNode node(context);
   Sent sent;
   const auto goal = node.client->send_goal(

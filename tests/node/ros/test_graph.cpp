@@ -9,10 +9,10 @@
 #include <unistd.h>
 
 #include "base/file.hpp"
-#include "ros/departures.hpp"
 #include "ros/graph_publisher.hpp"
 #include "ros/publisher.hpp"
-#include "ros/ring/process_cpu.hpp"
+#include "suite/departures.hpp"
+#include "suite/ring/process_cpu.hpp"
 #include "tests/dds_domain.hpp"
 #include "tests/node/ros/peer_process.hpp"
 #include "tests/temporary_folder.hpp"
@@ -52,7 +52,7 @@ class GraphPublisherTest : public testing::Test {
 TEST_F(GraphPublisherTest, WhatIsMadeInOneTurnIsToldOnce) {
   std::vector<std::unique_ptr<Publisher<srfs_msgs::msg::TaskFlags>>> publishers;
   publishers.push_back(make(0));  // created before the graph publisher, but part of the node
-  const GraphPublisher graph(executor_, *here_, RosGraph::humble, "probe");
+  const GraphPublisher graph(executor_, *here_, GraphDialect::humble, NodeNames("probe"));
   for (int i = 1; i < 40; ++i) publishers.push_back(make(i));
 
   const HumbleGraphMessage first = next();
@@ -66,7 +66,7 @@ TEST_F(GraphPublisherTest, WhatIsMadeInOneTurnIsToldOnce) {
 }
 
 TEST_F(GraphPublisherTest, ANodeThatEndsBeforeItsParticipantIsTakenOut) {
-  auto graph = std::make_unique<GraphPublisher>(executor_, *here_, RosGraph::humble, "probe");
+  auto graph = std::make_unique<GraphPublisher>(executor_, *here_, GraphDialect::humble, NodeNames("probe"));
   EXPECT_EQ(next().node_entities_info_seq.size(), 1U);
   const auto endpoint = make(0);
   EXPECT_EQ(next().node_entities_info_seq.size(), 1U);
@@ -75,7 +75,7 @@ TEST_F(GraphPublisherTest, ANodeThatEndsBeforeItsParticipantIsTakenOut) {
 }
 
 TEST_F(GraphPublisherTest, WhoComesLateGetsTheLatest) {
-  const GraphPublisher graph(executor_, *here_, RosGraph::humble, "probe");
+  const GraphPublisher graph(executor_, *here_, GraphDialect::humble, NodeNames("probe"));
   (void)next();
   const auto endpoint = make(0);
   (void)next();
@@ -110,7 +110,7 @@ class RunningTime {
     if (machine) stolen_.on_reading(*machine);
     return (cpu ? cpu->any_waited : nanoseconds(0)) + stolen_.total();
   }
-  std::optional<ProcessCpu> cpu_ = ProcessCpu::open(getpid());
+  std::optional<suite::ProcessCpu> cpu_ = suite::ProcessCpu::open(getpid());
   StolenTime stolen_;
   const MonotonicTime began_ = monotonic_now();
   nanoseconds excused_{0};
@@ -129,18 +129,19 @@ class DeparturesTest : public testing::Test {
   std::unique_ptr<Participant> node() {
     ParticipantOptions options{
         testing_support::own_domain(), {"127.0.0.1"}, &executor_, SuiteIdentity{"t", "watcher", 1}};
-    options.lease = lease_beside_the_ring;
+    options.lease = suite::lease_beside_the_ring;
     return Participant::create(options).value();
   }
   const testing_support::TemporaryFolder folder_;
-  const VarPaths var_{folder_.path()};
+  const suite::VarPaths var_{folder_.path()};
   Executor executor_;
   std::unique_ptr<testing_support::PeerProcess> victim_;
 };
 
 TEST_F(DeparturesTest, AKilledNodeLeavesEverybodysGraphAtOnceAndAStoppedOneStays) {
   const auto watcher = node();
-  Departures departures(executor_, *watcher, var_, [](const std::string& name) { return name == "victim"; });
+  suite::Departures departures(executor_, *watcher, var_,
+                               [](const std::string& name) { return name == "victim"; });
   const auto tool = Participant::create({testing_support::own_domain(), {"127.0.0.1"}}).value();
   const Subscription<srfs_msgs::msg::TaskFlags> heard(executor_, *tool, {"/test/victim", {}},
                                                       [](const auto&, const MessageInfo&) {});

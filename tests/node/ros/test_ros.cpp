@@ -17,7 +17,7 @@
 #include <srfs_msgs/srv/check_alive.hpp>
 
 #include "base/file.hpp"
-#include "ros/node.hpp"
+#include "suite/node.hpp"
 #include "tests/dds_domain.hpp"
 #include "tests/temporary_folder.hpp"
 
@@ -211,9 +211,9 @@ TEST_F(ServiceTest, WithoutAServerACallFailsAtItsDeadlineAndSaysWhy) {
   EXPECT_EQ(*error, CallError::no_server);
 }
 
-class TestNode : public LifecycleNode {
+class TestNode : public suite::Node {
  public:
-  explicit TestNode(NodeContext& context) : LifecycleNode(context) {
+  explicit TestNode(suite::NodeContext& context) : Node(context) {
     declare_parameter("period_ms", std::int64_t{100}, ParameterRange{10, 1000}, "Period");
   }
   std::vector<std::string> calls;
@@ -241,9 +241,9 @@ class NodeTest : public RosTest {
     ASSERT_TRUE(write_file_atomically(
         folder_ / "d.yaml",
         "deployment: t\nnodes: [{name: probe, executable: x, parameters: {period_ms: 50}}]\n"));
-    deployment_ = std::make_unique<Deployment>(Deployment::load(folder_ / "d.yaml"));
-    context_ = std::make_unique<NodeContext>(
-        NodeContext{"probe", *deployment_, VarPaths{folder_}, 7, executor_, *here_});
+    deployment_ = std::make_unique<suite::Deployment>(suite::Deployment::load(folder_ / "d.yaml"));
+    context_ = std::make_unique<suite::NodeContext>(
+        suite::NodeContext{"probe", *deployment_, suite::VarPaths{folder_}, 7, executor_, *here_});
     node_ = std::make_unique<TestNode>(*context_);
   }
   void TearDown() override { node_.reset(); }
@@ -264,8 +264,8 @@ class NodeTest : public RosTest {
   }
   const testing_support::TemporaryFolder temporary_;
   const std::filesystem::path folder_ = temporary_.path();
-  std::unique_ptr<Deployment> deployment_;
-  std::unique_ptr<NodeContext> context_;
+  std::unique_ptr<suite::Deployment> deployment_;
+  std::unique_ptr<suite::NodeContext> context_;
   std::unique_ptr<TestNode> node_;
 };
 

@@ -10,7 +10,7 @@
 #include "base/file.hpp"
 #include "nodes/timing/timing_node.hpp"
 #include "ros/client.hpp"
-#include "ros/mission_time.hpp"
+#include "suite/mission_time.hpp"
 #include "tests/dds_domain.hpp"
 #include "tests/temporary_folder.hpp"
 
@@ -30,7 +30,7 @@ class TimingNodeTest : public testing::Test {
     here_ = ros::Participant::create({testing_support::own_domain(), {"127.0.0.1"}}).value();
     there_ = ros::Participant::create({testing_support::own_domain(), {"127.0.0.1"}}).value();
     ticks_ = std::make_unique<ros::Subscription<TimeTick>>(
-        executor_, *there_, ros::topics::time_tick,
+        executor_, *there_, suite::topics::time_tick,
         [this](const TimeTick& tick, const ros::MessageInfo&) { received_.push_back(tick); });
     client_ = std::make_unique<ros::Client<SetTime>>(executor_, *there_, "/timing/set_time", ros::Qos{},
                                                      ros::Priority::normal);
@@ -52,9 +52,9 @@ class TimingNodeTest : public testing::Test {
         "nodes: [{ name: timing, executable: timing_node, parameters: { tick_period_ms: 20" +
         parameters + " } }]\n";
     ASSERT_TRUE(write_file_atomically(folder_ / "d.yaml", yaml));
-    deployment_ = std::make_unique<ros::Deployment>(ros::Deployment::load(folder_ / "d.yaml"));
-    context_ = std::make_unique<ros::NodeContext>(
-        ros::NodeContext{"timing", *deployment_, ros::VarPaths{folder_}, 1, executor_, *here_});
+    deployment_ = std::make_unique<suite::Deployment>(suite::Deployment::load(folder_ / "d.yaml"));
+    context_ = std::make_unique<suite::NodeContext>(
+        suite::NodeContext{"timing", *deployment_, suite::VarPaths{folder_}, 1, executor_, *here_});
     node_ = std::make_unique<TimingNode>(*context_);
     ASSERT_TRUE(node_->go_to(ros::State::active)) << node_->failure_reason();
   }
@@ -99,8 +99,8 @@ class TimingNodeTest : public testing::Test {
   ros::Executor executor_;
   std::unique_ptr<ros::Participant> here_;
   std::unique_ptr<ros::Participant> there_;
-  std::unique_ptr<ros::Deployment> deployment_;
-  std::unique_ptr<ros::NodeContext> context_;
+  std::unique_ptr<suite::Deployment> deployment_;
+  std::unique_ptr<suite::NodeContext> context_;
   std::unique_ptr<TimingNode> node_;
   std::vector<TimeTick> received_;
   std::unique_ptr<ros::Subscription<TimeTick>> ticks_;
@@ -189,9 +189,9 @@ TEST_F(TimingNodeTest, RefusesToConfigureWithANotBeforeThatIsNoDate) {
       "link: { spacecraft_id: 0xAB, tc_channels: [{ vc: 1, security: none }] }\n"
       "nodes: [{ name: timing, executable: timing_node, parameters: { not_before: yesterday } }]\n";
   ASSERT_TRUE(write_file_atomically(folder_ / "d.yaml", yaml));
-  deployment_ = std::make_unique<ros::Deployment>(ros::Deployment::load(folder_ / "d.yaml"));
-  context_ = std::make_unique<ros::NodeContext>(
-      ros::NodeContext{"timing", *deployment_, ros::VarPaths{folder_}, 1, executor_, *here_});
+  deployment_ = std::make_unique<suite::Deployment>(suite::Deployment::load(folder_ / "d.yaml"));
+  context_ = std::make_unique<suite::NodeContext>(
+      suite::NodeContext{"timing", *deployment_, suite::VarPaths{folder_}, 1, executor_, *here_});
   node_ = std::make_unique<TimingNode>(*context_);
   EXPECT_FALSE(node_->go_to(ros::State::inactive));
   EXPECT_NE(node_->failure_reason().find("not_before"), std::string::npos) << node_->failure_reason();

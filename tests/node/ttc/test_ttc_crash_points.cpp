@@ -24,8 +24,8 @@
 #include <mission/structures.hpp>
 
 #include "base/file.hpp"
-#include "commanding/commanded_node.hpp"
 #include "ground/downlink.hpp"
+#include "suite/commanding/commanded_node.hpp"
 #include "tests/dds_domain.hpp"
 #include "tests/signal_child.hpp"
 #include "tests/temporary_folder.hpp"
@@ -172,10 +172,10 @@ class TtcCrashPoints : public testing::Test {
                                       "          parameters: { initial_mode: nominal, persist_deadline_ms: "
                                       "60000, repeat_window_ms: 3600000 } },\n"
                                       "        { name: payload_thermal, executable: x }]\n"));
-    deployment_ = std::make_unique<ros::Deployment>(ros::Deployment::load(folder_ / "d.yaml"));
+    deployment_ = std::make_unique<suite::Deployment>(suite::Deployment::load(folder_ / "d.yaml"));
     here_ = ros::Participant::create({testing_support::own_domain(), {"127.0.0.1"}}).value();
-    context_ = std::make_unique<ros::NodeContext>(
-        ros::NodeContext{"payload_thermal", *deployment_, ros::VarPaths{folder_}, 1, executor_, *here_});
+    context_ = std::make_unique<suite::NodeContext>(
+        suite::NodeContext{"payload_thermal", *deployment_, suite::VarPaths{folder_}, 1, executor_, *here_});
     node_ = std::make_unique<ExecutingNode>(*context_);
     ASSERT_TRUE(node_->go_to(ros::State::active));
     downlink_ = std::make_unique<ground::Downlink>(deployment_->link);
@@ -190,7 +190,7 @@ class TtcCrashPoints : public testing::Test {
     }
     node_.reset();
     if (HasFailure()) std::fputs(read_file(folder_ / "ttc.log", 1U << 20).value_or("").c_str(), stderr);
-    std::filesystem::remove_all(ros::VarPaths{folder_}.memory());  // left behind by the killed process
+    std::filesystem::remove_all(suite::VarPaths{folder_}.memory());  // left behind by the killed process
   }
 
   void read_line() {
@@ -317,8 +317,8 @@ class TtcCrashPoints : public testing::Test {
   const wire::SdlsKey key_ = wire::SdlsKey::from_hex(std::string(64, '7')).value();
   Fd line_;
   Fd far_end_;
-  std::unique_ptr<ros::Deployment> deployment_;
-  std::unique_ptr<ros::NodeContext> context_;
+  std::unique_ptr<suite::Deployment> deployment_;
+  std::unique_ptr<suite::NodeContext> context_;
   std::unique_ptr<ExecutingNode> node_;
   std::unique_ptr<ground::Downlink> downlink_;
   ros::Executor::Handle line_watch_;

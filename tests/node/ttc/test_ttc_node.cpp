@@ -57,7 +57,7 @@ class TtcNodeTest : public testing::Test {
     }
     node_.reset();
     ticks_.reset();
-    std::filesystem::remove_all(ros::VarPaths{folder_}.memory());
+    std::filesystem::remove_all(suite::VarPaths{folder_}.memory());
   }
 
   void open_line() {
@@ -79,9 +79,9 @@ class TtcNodeTest : public testing::Test {
         "          parameters: { initial_mode: nominal, housekeeping_period_ms: 100, beacon_period_ms: 1000 "
         "} }]\n";
     ASSERT_TRUE(write_file_atomically(folder_ / "d.yaml", yaml));
-    deployment_ = std::make_unique<ros::Deployment>(ros::Deployment::load(folder_ / "d.yaml"));
-    context_ = std::make_unique<ros::NodeContext>(
-        ros::NodeContext{"ttc", *deployment_, ros::VarPaths{folder_}, 1, executor_, *here_});
+    deployment_ = std::make_unique<suite::Deployment>(suite::Deployment::load(folder_ / "d.yaml"));
+    context_ = std::make_unique<suite::NodeContext>(
+        suite::NodeContext{"ttc", *deployment_, suite::VarPaths{folder_}, 1, executor_, *here_});
     node_ = std::make_unique<TtcNode>(*context_);
   }
   void activate(const std::string& channels = open_channel) {
@@ -182,7 +182,7 @@ class TtcNodeTest : public testing::Test {
   /// Sends ticks with the valid time @p utc until @p condition holds.
   bool wait_at(UtcTime utc, const std::function<bool()>& condition) {
     if (!ticks_)
-      ticks_ = std::make_unique<ros::Publisher<srfs_msgs::msg::TimeTick>>(*there_, ros::topics::time_tick);
+      ticks_ = std::make_unique<ros::Publisher<srfs_msgs::msg::TimeTick>>(*there_, suite::topics::time_tick);
     const MonotonicTime deadline = monotonic_now() + seconds(20);
     bool holds = false;
     while (!holds && monotonic_now() < deadline) {
@@ -225,8 +225,8 @@ class TtcNodeTest : public testing::Test {
   const testing_support::TemporaryFolder temporary_;
   const std::filesystem::path folder_ = temporary_.path();
   Fd line_;
-  std::unique_ptr<ros::Deployment> deployment_;
-  std::unique_ptr<ros::NodeContext> context_;
+  std::unique_ptr<suite::Deployment> deployment_;
+  std::unique_ptr<suite::NodeContext> context_;
   std::unique_ptr<TtcNode> node_;
   std::unique_ptr<ground::Downlink> downlink_;
   ros::Executor::Handle line_watch_;
@@ -248,9 +248,9 @@ TEST_F(TtcNodeTest, PublishesATelecommandUntilItsNodeHasItAndSendsDownWhatTheNod
   activate();
   std::map<std::uint64_t, std::vector<Telecommand>> published;
   ros::Subscription<Telecommand> telecommands(
-      executor_, *there_, ros::topics::telecommand,
+      executor_, *there_, suite::topics::telecommand,
       [&](const Telecommand& m, const ros::MessageInfo&) { published[m.id].push_back(m); });
-  ros::Publisher<TelecommandReport> reports(*there_, ros::topics::telecommand_report);
+  ros::Publisher<TelecommandReport> reports(*there_, suite::topics::telecommand_report);
   ASSERT_TRUE(wait([&] { return telecommands.publisher_count() == 1 && reports.subscription_count() == 1; }));
 
   const Octets request = send(mission::apid::payload_eps, 8, 1, {0, 1, 2, 1});
@@ -281,7 +281,7 @@ TEST_F(TtcNodeTest, AfterAKillPublishesAgainUnderTheSameIdAndTellsTheEndToTheOne
   activate();
   std::vector<std::uint64_t> ids;
   ros::Subscription<Telecommand> telecommands(
-      executor_, *there_, ros::topics::telecommand,
+      executor_, *there_, suite::topics::telecommand,
       [&](const Telecommand& m, const ros::MessageInfo&) { ids.push_back(m.id); });
   const Octets request = send(mission::apid::payload_eps, 8, 1, {0, 1, 2, 1});
   ASSERT_TRUE(verified(1, request));
@@ -293,7 +293,7 @@ TEST_F(TtcNodeTest, AfterAKillPublishesAgainUnderTheSameIdAndTellsTheEndToTheOne
   activate();
   ASSERT_TRUE(wait([&] { return !ids.empty(); }));
   EXPECT_EQ(ids.front(), id);
-  ros::Publisher<TelecommandReport> reports(*there_, ros::topics::telecommand_report);
+  ros::Publisher<TelecommandReport> reports(*there_, suite::topics::telecommand_report);
   ASSERT_TRUE(wait([&] { return reports.subscription_count() == 1; }));
   TelecommandReport report;
   report.id = id;
@@ -333,7 +333,7 @@ TEST_F(TtcNodeTest, TheFrameCountersGoOnWhenTheMemoryOfTheSuiteIsGone) {
                            monotonic_now() + milliseconds(100));  // for the last frames to arrive
     }
     end_without_a_word();
-    std::filesystem::remove_all(ros::VarPaths{folder_}.memory());
+    std::filesystem::remove_all(suite::VarPaths{folder_}.memory());
     make_node(open_channel);
     ASSERT_TRUE(node_->go_to(ros::State::active)) << node_->failure_reason();
     line_watch_ = executor_.add_fd(line_.get(), EPOLLIN, [this](std::uint32_t) { read_line(); });
@@ -616,7 +616,7 @@ TEST_F(TtcNodeTest, AScheduledTelecommandIsReleasedAtItsTimeAlsoAfterAKill) {
   activate();
   std::vector<std::uint64_t> ids;
   ros::Subscription<Telecommand> telecommands(
-      executor_, *there_, ros::topics::telecommand,
+      executor_, *there_, suite::topics::telecommand,
       [&](const Telecommand& m, const ros::MessageInfo&) { ids.push_back(m.id); });
   const Octets packet = payload_packet();
   const Octets request(packet.begin(), packet.begin() + 4);
@@ -635,7 +635,7 @@ TEST_F(TtcNodeTest, AScheduledTelecommandIsReleasedAtItsTimeAlsoAfterAKill) {
   ids.clear();
   activate();
   ASSERT_TRUE(wait_at(release + seconds(1), [&] { return !ids.empty(); }));
-  ros::Publisher<TelecommandReport> reports(*there_, ros::topics::telecommand_report);
+  ros::Publisher<TelecommandReport> reports(*there_, suite::topics::telecommand_report);
   ASSERT_TRUE(wait([&] { return reports.subscription_count() == 1; }));
   TelecommandReport report;
   report.id = id;
@@ -720,7 +720,7 @@ TEST_F(TtcNodeTest, WithoutAJournalRecoveryCommandsRunWithAnEventAndOthersAreRef
 
 TEST_F(TtcNodeTest, SendsDownTheTelemetryOfANodeAndCountsWhatClaimsToBeIt) {
   activate();
-  ros::Publisher<PayloadTelemetry> telemetry(*there_, ros::topics::telemetry("payload_eps"));
+  ros::Publisher<PayloadTelemetry> telemetry(*there_, suite::topics::telemetry("payload_eps"));
   ASSERT_TRUE(wait([&] { return telemetry.subscription_count() == 1; }));
   PayloadTelemetry sample;
   sample.source = "payload_eps";

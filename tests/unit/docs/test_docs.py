@@ -168,13 +168,13 @@ class Architecture(unittest.TestCase):
             text = "".join(path.read_text() for path in paths)
             return set(re.findall(r'create_(?:background_)?worker\(\s*"(\w+)"', text))
 
-        commanding = created(*sources("lib/commanding"))
+        commanding = created(*sources("lib/suite/commanding"))
         expected = {"payload_adcs, payload_eps, payload_thermal": created(*sources("nodes/payload")), "every node of a ring": {"ring"}}
         for node in ("timing", "can_switcher", "ttc", "image_acquisition", "image_processing", "maintenance"):
             files = list(sources(f"nodes/{node}"))
             expected[node] = created(*files) | (commanding if any("public CommandedNode" in f.read_text() for f in files) else set())
         self.assertEqual(self.table("Workers"), expected)
-        self.assertIn('"ring"', "".join(f.read_text() for f in sources("lib/ros/ring")))
+        self.assertIn('"ring"', "".join(f.read_text() for f in sources("lib/suite/ring")))
 
     def test_lists_the_logic_that_uses_the_disk(self):
         uses = re.compile(r"write_file_atomically|read_file\(|(?<![\w.>])open\(|openat\(|fsync\(|fdatasync\(|directory_iterator|file_size\(|FileTree::open|read_versions\(")

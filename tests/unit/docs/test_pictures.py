@@ -36,7 +36,7 @@ class NodesPicture(unittest.TestCase):
         self.assertEqual(texts_of(self.svg, "ring-name"), nodes)
 
     def test_its_topics_are_those_of_the_code(self):
-        sources = "".join(p.read_text() for folder in ("lib/ros", "nodes") for p in (ROOT / folder).rglob("*.?pp"))
+        sources = "".join(p.read_text() for folder in ("lib/ros", "lib/suite", "nodes") for p in (ROOT / folder).rglob("*.?pp"))
         topics = texts_of(self.svg, "topic")
         self.assertGreater(len(topics), 8)
         for topic in topics:

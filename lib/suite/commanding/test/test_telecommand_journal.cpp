@@ -1,0 +1,286 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <mission/structures.hpp>
+
+#include "suite/commanding/telecommand_journal.hpp"
+
+namespace srfs {
+namespace {
+
+using ::testing::ElementsAre;
+using ::testing::IsEmpty;
+
+constexpr MonotonicTime now{seconds(5)};
+
+StoredTelecommand command(std::uint64_t id, RepeatClass repeat = RepeatClass::by_id,
+                          MonotonicTime expiry = {}) {
+  return {id, 1, repeat, expiry, {7, 8}};
+}
+StageReport accepted(std::uint64_t id) {
+  return {.id = id};
+}
+StageReport started(std::uint64_t id) {
+  return {.id = id, .stage = TelecommandStage::started};
+}
+StageReport completed(std::uint64_t id) {
+  return {.id = id, .stage = TelecommandStage::completed};
+}
+StageReport failed(std::uint64_t id, FailureCode why, TelecommandStage stage = TelecommandStage::completed) {
+  return {id, stage, false, why};
+}
+
+struct Journal : ::testing::Test {
+  TelecommandJournal journal{"boot-a"};
+  void write() { journal.on_written(journal.revision(), true); }
+  void store(const StoredTelecommand& telecommand) {
+    journal.add(telecommand);
+    write();
+    (void)journal.take_reports();
+  }
+};
+using TelecommandJournalTest = Journal;
+
+TEST_F(TelecommandJournalTest, ReportsAcceptanceOnlyAfterTheTelecommandIsStored) {
+  EXPECT_EQ(journal.add(command(1)), TelecommandJournal::Arrival::stored);
+  EXPECT_THAT(journal.take_reports(), IsEmpty());
+  EXPECT_EQ(journal.next(now), nullptr);
+  EXPECT_TRUE(journal.storing());
+  write();
+  EXPECT_THAT(journal.take_reports(), ElementsAre(accepted(1)));
+  EXPECT_FALSE(journal.storing());
+  ASSERT_NE(journal.next(now), nullptr);
+  EXPECT_EQ(journal.next(now)->id, 1U);
+}
+
+TEST_F(TelecommandJournalTest, ReportsTheEndOnlyAfterItIsStored) {
+  store(command(1));
+  journal.begin();
+  EXPECT_THAT(journal.take_reports(), ElementsAre(started(1)));
+  journal.finish(mission::failure::none);
+  EXPECT_THAT(journal.take_reports(), IsEmpty());
+  write();
+  EXPECT_THAT(journal.take_reports(), ElementsAre(completed(1)));
+}
+
+TEST_F(TelecommandJournalTest, KeepsTheOrderOfArrival) {
+  for (std::uint64_t id : {5U, 3U, 9U}) store(command(id));
+  for (std::uint64_t id : {5U, 3U, 9U}) {
+    ASSERT_NE(journal.next(now), nullptr);
+    EXPECT_EQ(journal.next(now)->id, id);
+    journal.begin();
+    journal.finish(mission::failure::none);
+  }
+  EXPECT_EQ(journal.next(now), nullptr);
+}
+
+TEST_F(TelecommandJournalTest, DropsAKnownIdAndRepeatsItsReports) {
+  store(command(1));
+  EXPECT_EQ(journal.add(command(1)), TelecommandJournal::Arrival::known);
+  EXPECT_THAT(journal.take_reports(), ElementsAre(accepted(1)));
+  journal.begin();
+  journal.finish(mission::failure::peripheral_cannot_now);
+  write();
+  (void)journal.take_reports();
+  EXPECT_EQ(journal.add(command(1)), TelecommandJournal::Arrival::known);
+  EXPECT_THAT(journal.take_reports(),
+              ElementsAre(accepted(1), failed(1, mission::failure::peripheral_cannot_now)));
+  EXPECT_EQ(journal.pending(), 0U);
+}
+
+TEST_F(TelecommandJournalTest, RefusesTheSeventeenth) {
+  for (std::uint64_t id = 1; id <= TelecommandJournal::capacity; ++id) store(command(id));
+  EXPECT_EQ(journal.add(command(99)), TelecommandJournal::Arrival::full);
+  EXPECT_THAT(journal.take_reports(),
+              ElementsAre(failed(99, mission::failure::queue_full, TelecommandStage::accepted)));
+}
+
+TEST_F(TelecommandJournalTest, EndsExpiredTelecommandsWithoutStartingThem) {
+  store(command(1, RepeatClass::by_id, now - milliseconds(1)));
+  store(command(2, RepeatClass::by_id, now));
+  ASSERT_NE(journal.next(now), nullptr);
+  EXPECT_EQ(journal.next(now)->id, 2U);
+  write();
+  EXPECT_THAT(journal.take_reports(),
+              ElementsAre(failed(1, mission::failure::expired, TelecommandStage::started)));
+}
+
+TEST_F(TelecommandJournalTest, TriesThreeTimesWhatMayBeRepeated) {
+  store(command(1));
+  for (int i = 0; i < 2; ++i) {
+    journal.begin();
+    EXPECT_TRUE(journal.attempt_failed(mission::failure::peripheral_silent));
+  }
+  journal.begin();
+  EXPECT_FALSE(journal.attempt_failed(mission::failure::peripheral_silent));
+  write();
+  EXPECT_THAT(journal.take_reports(),
+              ElementsAre(started(1), failed(1, mission::failure::peripheral_silent)));
+}
+
+TEST_F(TelecommandJournalTest, LetsAnAtMostOnceCommandBeginOnlyWhenItsStartIsOnDisk) {
+  store(command(1, RepeatClass::at_most_once));
+  journal.mark_started();
+  EXPECT_FALSE(journal.start_is_durable());
+  write();
+  EXPECT_TRUE(journal.start_is_durable());
+  journal.begin();
+  EXPECT_FALSE(journal.attempt_failed(mission::failure::peripheral_silent));
+  write();
+  EXPECT_THAT(journal.take_reports(), ElementsAre(started(1), failed(1, mission::failure::interrupted)));
+}
+
+TEST_F(TelecommandJournalTest, ContinuesAfterARestartAndEndsBegunAtMostOnceCommandsAsInterrupted) {
+  store(command(1, RepeatClass::at_most_once));
+  store(command(2));
+  store(command(3, RepeatClass::at_most_once));
+  journal.mark_started();
+
+  TelecommandJournal restarted("boot-a");
+  ASSERT_TRUE(restarted.restore(journal.encode()).has_value());
+  EXPECT_THAT(restarted.take_reports(), IsEmpty());
+  restarted.on_written(restarted.revision(), true);
+  EXPECT_THAT(restarted.take_reports(), ElementsAre(failed(1, mission::failure::interrupted)));
+  ASSERT_NE(restarted.next(now), nullptr);
+  EXPECT_EQ(restarted.next(now)->id, 2U);
+  EXPECT_EQ(restarted.next(now)->arguments, (Octets{7, 8}));
+  EXPECT_EQ(restarted.pending(), 2U);
+  EXPECT_EQ(restarted.add(command(1)), TelecommandJournal::Arrival::known);
+}
+
+TEST_F(TelecommandJournalTest, ReportsAnEndAgainWhenTheProcessDiedBetweenItsRecordAndItsReport) {
+  for (const std::uint64_t id : {1U, 2U}) {
+    store(command(id));
+    journal.begin();
+    journal.finish(mission::failure::none);
+  }
+  const Octets on_disk = journal.encode();  // and nobody was told
+  TelecommandJournal restarted("boot-a");
+  ASSERT_TRUE(restarted.restore(on_disk).has_value());
+  // The first one's report went out when the second was stored.
+  EXPECT_THAT(restarted.take_reports(), ElementsAre(completed(2)));
+}
+
+TEST_F(TelecommandJournalTest, EndsOnlyAByIdCommandThatMayHaveBeenSentWhenItsPeripheralForgotTheIds) {
+  store(command(1, RepeatClass::by_id));
+  journal.on_ids_lost();
+  EXPECT_EQ(journal.pending(), 1U) << "not sent yet";
+  journal.begin();
+  journal.attempt_failed(mission::failure::peripheral_silent);
+  journal.on_ids_lost();
+  EXPECT_EQ(journal.pending(), 0U);
+  write();
+  EXPECT_THAT(journal.take_reports(), ElementsAre(started(1), failed(1, mission::failure::interrupted)));
+
+  store(command(2, RepeatClass::idempotent));
+  journal.begin();
+  journal.attempt_failed(mission::failure::peripheral_silent);
+  journal.on_ids_lost();
+  EXPECT_EQ(journal.pending(), 1U) << "may be done twice";
+}
+
+TEST_F(TelecommandJournalTest, DoesNotExpireWhatBeganInTime) {
+  store(command(1, RepeatClass::by_id, now));
+  ASSERT_NE(journal.next(now), nullptr);
+  journal.begin();
+  EXPECT_TRUE(journal.attempt_failed(mission::failure::peripheral_silent));
+  ASSERT_NE(journal.next(now + seconds(1)), nullptr) << "its second attempt";
+  journal.begin();
+  journal.finish(mission::failure::none);
+  write();
+  EXPECT_THAT(journal.take_reports(), ElementsAre(started(1), completed(1)));
+}
+
+TEST_F(TelecommandJournalTest, ExpiresACommandWhoseStartWasRecordedAndThatWasNotSent) {
+  store(command(1, RepeatClass::at_most_once, now));
+  journal.mark_started();
+  EXPECT_EQ(journal.next(now + seconds(1)), nullptr);
+  write();
+  EXPECT_THAT(journal.take_reports(),
+              ElementsAre(failed(1, mission::failure::expired, TelecommandStage::started)));
+}
+
+struct JournalAfterACrash : Journal {
+  /// What the successor reports of a telecommand that was begun, or was not, before the process died.
+  std::vector<StageReport> reports_of(RepeatClass repeat, bool begun, const std::string& boot = "boot-a") {
+    store(command(1, repeat, now));
+    if (begun) {
+      journal.mark_started();
+      write();
+      journal.begin();
+    }
+    const Octets on_disk = journal.encode();
+    TelecommandJournal restarted(boot);
+    EXPECT_TRUE(restarted.restore(on_disk));
+    EXPECT_EQ(restarted.next(now + seconds(1)), nullptr) << "past its expiry it does not start";
+    restarted.on_written(restarted.revision(), true);
+    return restarted.take_reports();
+  }
+};
+using JournalAfterACrashTest = JournalAfterACrash;
+
+TEST_F(JournalAfterACrashTest, SaysThatTheOutcomeOfABegunCommandIsUnknownWhenItExpiredMeanwhile) {
+  for (const RepeatClass repeat : {RepeatClass::idempotent, RepeatClass::by_id, RepeatClass::at_most_once}) {
+    for (const char* boot : {"boot-a", "boot-b"}) {
+      journal = TelecommandJournal("boot-a");
+      EXPECT_THAT(reports_of(repeat, true, boot), ElementsAre(failed(1, mission::failure::interrupted)))
+          << static_cast<int>(repeat) << boot;
+    }
+  }
+}
+
+TEST_F(JournalAfterACrashTest, ClaimsThatACommandDidNotStartOnlyWhereItsStartWouldHaveBeenRecorded) {
+  for (const char* boot : {"boot-a", "boot-b"}) {
+    journal = TelecommandJournal("boot-a");
+    EXPECT_THAT(reports_of(RepeatClass::at_most_once, false, boot),
+                ElementsAre(failed(1, mission::failure::expired, TelecommandStage::started)));
+    journal = TelecommandJournal("boot-a");
+    EXPECT_THAT(reports_of(RepeatClass::by_id, false, boot),
+                ElementsAre(failed(1, mission::failure::interrupted)));
+  }
+}
+
+TEST_F(TelecommandJournalTest, NoticesADamagedFile) {
+  store(command(2));
+  const Octets good = journal.encode();
+  for (std::size_t i = 0; i < good.size(); ++i) {
+    Octets bad = good;
+    bad[i] ^= 0x10;
+    TelecommandJournal other("boot-a");
+    EXPECT_FALSE(other.restore(bad).has_value()) << i;
+  }
+  for (std::size_t n = 0; n < good.size(); ++n) {
+    TelecommandJournal other("boot-a");
+    EXPECT_FALSE(other.restore(OctetView(good).first(n)).has_value()) << n;
+  }
+}
+
+TEST_F(TelecommandJournalTest, RefusesWhatCannotBeStoredAndStillReportsEnds) {
+  store(command(1));
+  journal.begin();
+  journal.finish(mission::failure::none);
+  journal.add(command(2));
+  (void)journal.take_reports();
+  journal.on_written(journal.revision(), false);
+  EXPECT_THAT(journal.take_reports(),
+              ElementsAre(completed(1),
+                          failed(2, mission::failure::storage_unavailable, TelecommandStage::accepted)));
+  EXPECT_EQ(journal.pending(), 0U);
+}
+
+TEST_F(TelecommandJournalTest, RemembersTheLastSixtyFourIds) {
+  for (std::uint64_t id = 1; id <= 70; ++id) {
+    store(command(id));
+    journal.begin();
+    journal.finish(mission::failure::none);
+    write();
+  }
+  (void)journal.take_reports();
+  EXPECT_EQ(journal.add(command(7)), TelecommandJournal::Arrival::known);
+  EXPECT_EQ(journal.add(command(6)), TelecommandJournal::Arrival::stored);
+}
+
+}  // namespace
+}  // namespace srfs

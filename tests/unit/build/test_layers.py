@@ -1,0 +1,72 @@
+# SPDX-FileCopyrightText: 2026 SRFS contributors
+# SPDX-License-Identifier: Apache-2.0
+"""Which part may use which other (docs/explanation/architecture_details.md: "Who uses whom"), read from the includes of its sources."""
+
+import re
+import unittest
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[3]
+
+# What a part may include beside itself and the system. "mission" and "srfs_msgs" are generated from msgs/.
+MAY_USE = {
+    "lib/base": set(),
+    "lib/wire": {"base"},
+    "lib/cfdp": {"base", "wire"},
+    "lib/image": {"base"},
+    "lib/hw": {"base", "image"},
+    "lib/update": {"base", "mission"},
+    "lib/ros": {"base"},
+    "lib/suite": {"base", "wire", "ros", "update", "mission", "srfs_msgs", "msgs/mission"},
+    "msgs/mission": {"base", "wire"},
+    "hw_sim": {"base", "wire", "hw", "image", "update"},
+    "ground": {"base", "wire", "cfdp", "update", "suite", "mission", "msgs/mission"},
+    "programs/detect": {"base", "image"},
+    "programs/product": {"base", "image"},
+    "programs/lane": {"base", "update"},
+    "programs/srfs": {"base", "hw", "ros", "suite", "update", "srfs_msgs"},
+}
+OF_NODES = {"base", "wire", "cfdp", "hw", "image", "ros", "suite", "update", "mission", "msgs/mission", "srfs_msgs"}
+LIBRARY_OF_PAYLOADS = "nodes/payload"
+
+INCLUDE = re.compile(r'^#include ["<]([a-z_0-9]+/[^">]+)[">]', re.MULTILINE)
+
+
+def parts():
+    """Folder of each part -> names of what it may use."""
+    nodes = {str(f.relative_to(ROOT)) for parent in ("nodes", "examples") for f in (ROOT / parent).iterdir() if f.is_dir()}
+    return MAY_USE | {node: OF_NODES | {LIBRARY_OF_PAYLOADS} for node in nodes}
+
+
+def part_of(include: str) -> str:
+    """`nodes/ttc/ttc_core.hpp` -> `nodes/ttc`, `base/fd.hpp` -> `base`."""
+    names = include.split("/")
+    return "/".join(names[:2]) if names[0] in ("nodes", "programs", "msgs", "examples", "lib") else names[0]
+
+
+def sources(folder: Path):
+    return (f for f in folder.rglob("*.[ch]pp") if "test" not in f.relative_to(folder).parts)
+
+
+class LayersTest(unittest.TestCase):
+    def test_a_part_includes_only_parts_that_it_may_use(self):
+        ours = {folder.removeprefix("lib/") for folder in parts()} | {"mission", "srfs_msgs"}
+        for folder, may_use in parts().items():
+            own = folder.removeprefix("lib/")
+            for source in sources(ROOT / folder):
+                used = {part_of(i) for i in INCLUDE.findall(source.read_text(encoding="utf-8"))} & ours
+                self.assertLessEqual(used - {own}, may_use, f"{source.relative_to(ROOT)}: see {__file__}")
+
+    def test_every_library_has_its_rule(self):
+        self.assertEqual({f"lib/{f.name}" for f in (ROOT / "lib").iterdir() if f.is_dir()}, {f for f in MAY_USE if f.startswith("lib/")})
+
+    def test_the_ros_layer_knows_no_node_and_no_payload(self):
+        nodes = [f.name for f in (ROOT / "nodes").iterdir() if f.is_dir() and f.name != "payload"]
+        for source in sources(ROOT / "lib/ros"):
+            code = re.sub(r"//.*", "", source.read_text(encoding="utf-8"))
+            for node in nodes:
+                self.assertIsNone(re.search(rf'"/?{node}\b', code), f"{source.relative_to(ROOT)} names {node}")
+
+
+if __name__ == "__main__":
+    unittest.main()
