@@ -44,12 +44,6 @@
 
 namespace srfs {
 
-/// What became of an imaging task's order to the disk.
-struct ImagingOutcome {
-  std::optional<std::vector<std::string>> frames;
-  QueuedProducts products{.failure = mission::failure::disk_failed};  ///< queued, or taken out again
-};
-
 // ---- What TtcCore wants done
 
 /// A batch of the journal goes to the disk. Answer: on_journal_written().
@@ -301,6 +295,7 @@ class TtcCore {
   }
 
   // ---- what others want to know
+  [[nodiscard]] const std::string& node() const { return node_; }
   [[nodiscard]] const AcceptanceJournal& journal() const { return journal_; }
   [[nodiscard]] const Remembered& remembered() const { return remembered_; }
   [[nodiscard]] bool waits_for_time() const { return !schedule_.schedule().empty() || imaging_.tasks() > 0; }

@@ -123,7 +123,7 @@ void TtcNode::look_at_imaging_nodes() {
     std::uint32_t acquisition = 0;
     std::uint32_t processing = 0;
   };
-  state_worker_->ask(
+  disk_->small_files().ask(
       [paths = var()] {
         const auto incarnation = [&](const char* node) {
           const auto instance = suite::find_instance(paths, node);

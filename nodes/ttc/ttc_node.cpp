@@ -134,108 +134,21 @@ bool TtcNode::run(TtcCore::Actions actions) {
   std::exception_ptr failed;
   const bool outermost = actions_.run(std::move(actions), [&](const TtcAction& action) {
     try {
-      std::visit([this](const auto& a) { carry_out(a); }, action);
+      std::visit(
+          [this](const auto& a) {
+            if constexpr (requires { disk_->carry_out(a); }) {
+              disk_->carry_out(a);
+            } else {
+              carry_out(a);
+            }
+          },
+          action);
     } catch (...) {
       if (!failed) failed = std::current_exception();
     }
   });
   if (failed) std::rethrow_exception(failed);
   return outermost;
-}
-
-void TtcNode::carry_out(const WriteJournal& action) {
-  struct Outcome {
-    Result<void, FileError> written;
-    std::size_t used_octets = 0;
-  };
-  const auto batch = std::make_shared<const JournalBatch>(action.batch);
-  const auto done = [this, batch](const Outcome& outcome) {
-    core_->on_journal_written(*batch, outcome.written, outcome.used_octets, monotonic_now());
-    advance();
-  };
-  const bool taken = journal_worker_->ask(
-      [disk = journal_file_, batch] {
-        Outcome outcome;
-        outcome.written = batch->snapshot ? disk->log.snapshot(*batch->snapshot)
-                                          : disk->log.append(batch->records, batch->sync);
-        outcome.used_octets = disk->log.used_octets();
-        return outcome;
-      },
-      done);
-  if (!taken) done({Err(FileError{"the journal's worker is busy"}), 0});
-}
-
-void TtcNode::carry_out(const WriteState& action) {
-  const auto done = [this, change = action.change](bool stored) {
-    core_->on_state_written(change, stored);
-    advance();
-  };
-  const bool taken = state_worker_->ask(
-      [path = state_dir() / action.name, text = action.text] {
-        const auto written = write_file_atomically(path, text);
-        if (!written) log::warn("{}", written.error().message);
-        return written.has_value();
-      },
-      done);
-  if (taken) return;
-  log::warn("{}: not written, its worker is busy", (state_dir() / action.name).string());
-  done(false);
-}
-
-void TtcNode::carry_out(const WriteKeys& action) {
-  const auto done = [this, change = action.change](bool stored) {
-    core_->on_keys_written(change, stored, monotonic_now());
-    advance();
-  };
-  const bool taken = state_worker_->ask(
-      [path = state_dir() / "key_selection", selection = action.selection] {
-        return store_key_selection(path, selection).has_value();
-      },
-      done);
-  if (!taken) done(false);
-}
-
-void TtcNode::carry_out(const CopyLinkState& action) {
-  state_worker_->post([file = link_file_, state = action.state] {
-    if (const auto written = file->store(state); !written) log::warn("{}", written.error().message);
-  });
-}
-
-void TtcNode::carry_out(const CommitStores& action) {
-  struct Committed {
-    PacketStoresStatus status;
-    Result<void, FileError> counts;
-  };
-  const auto commit = std::make_shared<const CommitStores>(action);
-  const bool taken = store_worker_->ask(
-      [stores = stores_, file = frame_count_file_, commit] {
-        stores->set_bounded(commit->bounded);
-        for (const StoreItem& item : commit->items) stores->append(item);
-        stores->commit();
-        Committed committed{stores->status(), {}};
-        if (commit->counts) committed.counts = file->store(*commit->counts);
-        return committed;
-      },
-      [this, commit](const Committed& committed) {
-        core_->on_committed(*commit, committed.status, committed.counts);
-        advance();  // open retrieval may have something to send
-      });
-  if (!taken) core_->on_commit_refused(action);
-}
-
-void TtcNode::carry_out(const ReadStore& action) {
-  const auto read = std::make_shared<const ReadStore>(action);
-  const bool taken = store_worker_->ask(
-      [stores = stores_, read] {
-        for (const StoreItem& item : read->items) stores->append(item);
-        return stores->read(read->batch.period.store, read->batch.period.range, read->batch.cursor,
-                            PacketRetrieval::batch_octets);
-      },
-      [this, read](std::optional<RetrievedPackets> packets) {
-        core_->on_store_read(*read, std::move(packets), monotonic_now());
-        advance();
-      });
-  if (!taken) core_->on_read_refused(action);
 }
 
 void TtcNode::carry_out(const PublishTelecommand& action) {
@@ -297,37 +210,6 @@ void TtcNode::carry_out(const CallParameter& action) {
     tell_value(core_->parameters(), number, outcome);
     advance();
   });
-}
-
-void TtcNode::carry_out(const ServeFile& action) {
-  const bool taken =
-      files_worker_->ask([files = files_, order = action.order] { return files->serve(order); },
-                         [this](const FileOutcome& outcome) {
-                           core_->on_file_outcome(outcome, monotonic_now());
-                           advance();
-                         });
-  if (!taken) core_->on_file_refused(monotonic_now());
-}
-
-void TtcNode::carry_out(const TakeFilesTurn& action) {
-  const bool taken = files_worker_->ask(
-      [files = files_, turn = std::make_shared<const cfdp::TransferTurn>(action.turn)] {
-        return files->take_turn(*turn);
-      },
-      [this](Result<cfdp::TransferTurnResult, std::string> result) {
-        core_->on_files_turn(result, monotonic_now());
-        advance();
-      });
-  if (!taken) core_->on_files_turn_refused(monotonic_now());
-}
-
-void TtcNode::carry_out(const ServeImages& action) {
-  const auto order = std::make_shared<const ImagingOrder>(action.order);
-  const auto done = [this, order](const ImagingOutcome& outcome) {
-    core_->on_imaging_job(*order, outcome);
-    advance();
-  };
-  if (!files_worker_->ask([files = files_, order] { return files->serve(*order); }, done)) done({});
 }
 
 void TtcNode::carry_out(const AcceptanceSent& action) {
@@ -398,7 +280,8 @@ void TtcNode::send_own_housekeeping() {
 void TtcNode::send_beacon() {
   const auto first_channel = static_cast<std::uint8_t>(deployment().link.channels.front().virtual_channel);
   core_->send_beacon(first_channel, now());
-  send_added_nodes();
+  if (const auto h = added_.housekeeping(deployment().added_revision, now()))
+    core_->send_housekeeping(*h, now());
   advance();
 }
 
@@ -406,8 +289,8 @@ void TtcNode::look_at_nodes() {
   for (const std::string& node : std::exchange(answered_, {})) state_clients_.erase(node);
   using Facts = std::vector<std::pair<std::string, NodeFacts>>;
   std::vector<std::string> names = core_->beacon().nodes();
-  for (const JoinedNode& joined : joined_nodes_) names.push_back(joined.name);
-  state_worker_->ask(
+  for (std::string& node : added_.names()) names.push_back(std::move(node));
+  disk_->small_files().ask(
       [paths = var(), names = std::move(names)] {
         Facts facts;
         for (const std::string& node : names) {
@@ -425,17 +308,11 @@ void TtcNode::look_at_nodes() {
         BeaconBuilder& beacon = core_->beacon();
         for (const auto& [node, known] : facts) {
           beacon.on_facts(node, node == name() ? NodeFacts{true, known.restarts, suite::version()} : known);
-          for (JoinedNode& joined : joined_nodes_) {
-            if (joined.name != node) continue;
-            joined.facts = known;
-            if (!known.running) joined.state.reset();  // the next process starts anew
-          }
+          added_.on_facts(node, known);
         }
         beacon.on_lifecycle(name(), static_cast<std::uint8_t>(state()));
         for (const std::string& node : beacon.nodes_to_ask()) ask_for_state(node);
-        for (const JoinedNode& joined : joined_nodes_) {
-          if (joined.facts.running && !joined.state) ask_for_state(joined.name);
-        }
+        for (const std::string& node : added_.nodes_to_ask()) ask_for_state(node);
       });
 }
 
@@ -445,12 +322,54 @@ void TtcNode::ask_for_state(const std::string& node) {
   auto client = create_client<lifecycle_msgs::srv::GetState>("/" + node + "/get_state");
   state_clients_[node] = client;
   client->call({}, seconds(2), 1, [this, node](const auto& response) {
-    if (response) core_->beacon().on_lifecycle(node, response->current_state.id);
-    for (JoinedNode& joined : joined_nodes_) {
-      if (response && joined.name == node) joined.state = response->current_state.id;
+    if (response) {
+      core_->beacon().on_lifecycle(node, response->current_state.id);
+      added_.on_lifecycle(node, response->current_state.id);
     }
     answered_.push_back(node);  // a client cannot be dropped within its own callback
   });
+}
+
+// ---- added nodes
+
+AddedNodes::List list_of(const suite::Deployment& deployment) {
+  AddedNodes::List list{.revision = deployment.added_revision, .names = {}, .fragments = {}};
+  for (const suite::AddedNode& node : deployment.added) {
+    list.names.push_back(node.name);
+    if (!node.dictionary.empty()) list.fragments.push_back({node.name, node.dictionary});
+  }
+  return list;
+}
+
+void TtcNode::on_deployment_changed() {
+  added_.report_problems(deployment().added_problems);
+  raise_added_events();
+  if (disk_) load_dictionary();  // else on_configure() reads it
+}
+
+void TtcNode::load_dictionary() {
+  AddedNodes::List list = list_of(deployment());
+  if (!added_.wants_load(list.revision)) return;
+  const bool taken = disk_->small_files().ask(
+      [fragments = std::move(list.fragments)] { return AddedNodes::load(fragments); },
+      [this, revision = list.revision](AddedNodes::LoadedDictionary loaded) {
+        added_.on_loaded(std::move(loaded), revision, *core_, now());
+        follow_added_nodes(true);
+        added_.report_refused();
+        raise_added_events();
+        load_dictionary();  // the list may have changed meanwhile
+      });
+  if (taken) added_.on_load_begun();
+}
+
+void TtcNode::follow_added_nodes(bool tell) {
+  const AddedNodes::Changes changes = added_.follow(list_of(deployment()).names, tell);
+  for (const std::string& node : changes.left) added_subscriptions_.erase(node);
+  for (const std::string& node : changes.joined) added_subscriptions_[node] = listen_to(node);
+}
+
+void TtcNode::raise_added_events() {
+  for (const RaiseEvent& event : added_.take_events()) carry_out(event);
 }
 
 }  // namespace srfs

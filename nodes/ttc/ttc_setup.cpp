@@ -18,9 +18,6 @@
 namespace srfs {
 namespace {
 
-/// There while the counters of the uplink have no floor yet.
-constexpr const char* wanted_floor_file = "counters_lost";
-constexpr std::string_view first_start_text = "first start\n";  ///< in it; else counters were lost
 constexpr std::size_t journal_worker_capacity = 2;
 constexpr std::size_t state_worker_capacity = 8;
 constexpr std::size_t store_worker_capacity = 8;
@@ -70,8 +67,7 @@ Result<UplinkConfig, std::string> read_channels(const suite::Deployment& deploym
   const suite::LinkSettings& settings = deployment.link;
   if (auto unsafe = suite::unsafe_link(deployment, root); !unsafe.empty()) return Err(std::move(unsafe));
   const auto line = deployment.devices.find("rs422");
-  const bool is_hardware_line =
-      line != deployment.devices.end() && suite::is_hardware_line(line->second, root);
+  const bool is_hardware_line = line != deployment.devices.end() && suite::is_hardware_line(line->second, root);
   UplinkConfig config;
   config.spacecraft_id = static_cast<std::uint16_t>(settings.spacecraft_id);
   config.cltu.randomized = settings.tc_randomizer;
@@ -148,47 +144,11 @@ Result<DownlinkConfig, std::string> read_downlink(const suite::Deployment& deplo
   return config;
 }
 
-bool ran_before(const std::filesystem::path& state, const std::filesystem::path& stores) {
-  std::error_code ec;
-  if (std::filesystem::exists(state / "link_state", ec) || std::filesystem::exists(state / "mode", ec))
-    return true;
-  // Its own state may be lost and the packets it stored not.
-  const auto stored = std::filesystem::directory_iterator(stores, ec);
-  return !ec && std::any_of(begin(stored), end(stored), [](const auto& store) {
-    std::error_code none;
-    return store.is_directory(none) && !std::filesystem::is_empty(store.path(), none);
-  });
-}
-
-ModeManager load_mode(const std::filesystem::path& file, const std::string& initial,
-                      const std::filesystem::path& deployment, bool ran) {
-  if (initial != "safe" && initial != "nominal") {
-    throw ConfigError(fmt::format("{}: ttc parameter 'initial_mode': expected safe or nominal, found '{}'",
-                                  deployment.string(), initial));
-  }
-  const auto stored = read_file(file, 256);
-  const StoredModeState state = stored ? StoredModeState::present
-                                : ran  ? StoredModeState::missing
-                                       : StoredModeState::first_start;
-  ModeManager manager(state, stored.value_or(""),
-                      initial == "nominal" ? MissionMode::nominal : MissionMode::safe);
-  if (const auto written = write_file_atomically(file, manager.stored_text()); !written) {
-    log::error("the mode is not durable: {}", written.error().message);
-  }
-  log::info("mode {}: {}", manager.mode() == MissionMode::nominal ? "nominal" : "safe", manager.reason());
-  return manager;
-}
-
-TransmitterSwitch load_transmitter(const std::filesystem::path& file) {
-  const auto stored = read_file(file, 256);
-  const MonotonicTime at = monotonic_now();
-  TransmitterSwitch transmitter(kernel_boot_id().value_or("unknown"), stored.value_or(""), at);
-  if (!transmitter.may_transmit(at))
-    log::warn("the transmitter stays off for {} s", transmitter.rest(at) / seconds(1));
-  // A silence that begins anew with this boot must not do so with the next.
-  if (const auto written = write_file_atomically(file, transmitter.stored_text()); !written)
-    log::error("the state of the transmitter is not durable: {}", written.error().message);
-  return transmitter;
+MissionMode initial_mode(const std::string& text, const std::filesystem::path& deployment) {
+  if (text == "safe") return MissionMode::safe;
+  if (text == "nominal") return MissionMode::nominal;
+  throw ConfigError(fmt::format("{}: ttc parameter 'initial_mode': expected safe or nominal, found '{}'",
+                                deployment.string(), text));
 }
 
 /// The boot record, used until timing reports more: timing may be writing the record of this boot right now.
@@ -201,43 +161,20 @@ BootTold load_boot(const suite::VarPaths& var) {
   return {.count = record->count, .cause = static_cast<mission::ResetCause>(record->reset_cause)};
 }
 
-/// A first start looks like the loss of everything that ttc wrote: it wants a floor, too.
-/// @param nothing no state of the link was found. @param ran although there was one
-FloorWanted floor_wanted(const std::filesystem::path& marker, bool nothing, bool ran) {
-  const auto noted = read_file(marker, 64);
-  const bool lost = (nothing && ran) || (noted && *noted != first_start_text);
-  if (!nothing && !noted) return FloorWanted::no;
-  if (lost) log::error("the counters of the uplink are lost: any is taken until the time is valid");
-  if (const auto written = write_file_atomically(marker, lost ? "" : first_start_text); !written)
-    log::error("that the counters want a floor is not durable: {}", written.error().message);
-  return lost ? FloorWanted::counters_lost : FloorWanted::first_start;
-}
-
-/// Chooses the set of each channel: as it was stored, else one that can be used.
-KeySelection load_keys(const std::filesystem::path& file, UplinkConfig& config,
-                       std::vector<TtcCore::KeyNews>& news) {
-  const FoundKeySelection found = load_key_selection(file);
-  const bool lost = found.damaged_copies > 0 && found.selection.generation == 0;
-  for (UplinkChannel& channel : config.channels) {
-    if (channel.associations.empty()) continue;
-    const auto has = [&channel](KeySet set) {
-      return std::any_of(channel.associations.begin(), channel.associations.end(),
-                         [set](const UplinkAssociation& a) { return a.set == set; });
-    };
-    const auto stored = found.selection.sets.find(channel.vc);
-    if (stored != found.selection.sets.end()) channel.selected = stored->second;
-    if (lost) news.push_back({channel.vc, channel.selected, "the stored selection is damaged"});
-    const KeySet other = channel.selected == KeySet::a ? KeySet::b : KeySet::a;
-    if (!has(channel.selected) && has(other)) {
-      channel.selected = other;
-      news.push_back({channel.vc, other, "the selected keys are unusable"});
-    }
+/// Where the frame counters go on. @param page  is opened, if it can be
+wire::TmFrameCounts open_frame_counts(const FrameCountFile& file, const suite::VarPaths& var,
+                                      std::optional<FrameCountPage>& page) {
+  page.reset();
+  auto opened = FrameCountPage::open(var.memory() / "ttc_frame_counts", var.owner());
+  if (!opened) {
+    log::warn("{}: a kill of ttc makes a gap in the TM frame counters", opened.error());
+    return file.load().value_or(wire::TmFrameCounts{});
   }
-  if (found.damaged_copies == 0) return found.selection;
-  log::error("{} of 2 copies of the key selection are damaged", found.damaged_copies);
-  if (const auto stored = store_key_selection(file, found.selection); !stored)
-    log::error("{}", stored.error().message);
-  return found.selection;
+  page = std::move(*opened);
+  if (const auto counts = page->read()) return *counts;
+  const auto counts = file.load().value_or(wire::TmFrameCounts{});
+  page->write(counts);
+  return counts;
 }
 
 void say_how_the_link_is_secured(const suite::LinkSettings& link) {
@@ -257,11 +194,7 @@ void say_how_the_link_is_secured(const suite::LinkSettings& link) {
 
 }  // namespace
 
-TtcNode::TtcNode(suite::NodeContext& context)
-    : Node(context),
-      dictionary_(mission::Dictionary::load_fitting(mission::Dictionary::default_folder(), fragments(),
-                                                    refused_fragments_)),
-      dictionary_revision_(deployment().added_revision) {
+TtcNode::TtcNode(suite::NodeContext& context) : Node(context), added_(list_of(deployment())) {
   declare_parameter("initial_mode", std::string("safe"),
                     "Mode of a deployment that never ran: safe or nominal", true);
   declare_parameter("beacon_period_ms", std::int64_t{30000}, ros::ParameterRange{1000, 600000},
@@ -288,37 +221,23 @@ TtcNode::TtcNode(suite::NodeContext& context)
   });
 }
 
-wire::TmFrameCounts TtcNode::open_frame_counts() {
-  frame_counts_.reset();
-  frame_count_file_ = std::make_shared<FrameCountFile>(state_dir() / "frame_counts");
-  auto page = FrameCountPage::open(var().memory() / "ttc_frame_counts", var().owner());
-  if (!page) {
-    log::warn("{}: a kill of ttc makes a gap in the TM frame counters", page.error());
-    return frame_count_file_->load().value_or(wire::TmFrameCounts{});
-  }
-  frame_counts_ = std::move(*page);
-  if (const auto counts = frame_counts_->read()) return *counts;
-  const auto counts = frame_count_file_->load().value_or(wire::TmFrameCounts{});
-  frame_counts_->write(counts);
-  return counts;
-}
-
-TtcCore::Setup TtcNode::look_at_the_disk(UplinkConfig channels, DownlinkConfig downlink) {
+TtcCore::Setup TtcNode::read_setup(StoredState& state, const FrameCountFile& frame_counts,
+                                   UplinkConfig channels, DownlinkConfig downlink) {
   const auto parameter = [this](const char* name) { return milliseconds(get_parameter<std::int64_t>(name)); };
-  const bool ran = ran_before(state_dir(), var().root / "store");
-  downlink.first_counts = open_frame_counts();
+  const bool ran = state.ran_before(var().root / "store");
+  downlink.first_counts = open_frame_counts(frame_counts, var(), frame_counts_);
   std::vector<TtcCore::KeyNews> key_news;
-  KeySelection keys = load_keys(state_dir() / "key_selection", channels, key_news);
+  KeySelection keys = state.load_keys(channels, key_news);
+  const MissionMode initial = initial_mode(get_parameter<std::string>("initial_mode"), deployment().file);
   TtcCore::Setup setup{
-      .dictionary = dictionary_,
+      .dictionary = added_.dictionary(),
       .node = name(),
       .journal = AcceptanceJournal(kernel_boot_id().value_or("unknown"), parameter("repeat_window_ms")),
       .uplink = std::move(channels),
       .downlink = downlink,
-      .mode =
-          load_mode(state_dir() / "mode", get_parameter<std::string>("initial_mode"), deployment().file, ran),
-      .transmitter = load_transmitter(state_dir() / "transmitter"),
-      .stores = read_file(state_dir() / "stores", 4096).value_or(""),
+      .mode = state.load_mode(initial, ran),
+      .transmitter = state.load_transmitter(monotonic_now()),
+      .stores = state.load_stores(),
       .keys = std::move(keys),
       .boot = load_boot(var()),
       .clock = SpacecraftClock(system_utc_now(), monotonic_now()),
@@ -327,22 +246,8 @@ TtcCore::Setup TtcNode::look_at_the_disk(UplinkConfig channels, DownlinkConfig d
       .arm_window = parameter("arm_window_ms"),
       .key_news = std::move(key_news),
       .remembered = remembered_};
-  load_journal(setup, ran);
+  state.load_journal(setup, ran, next_telecommand_id_, system_utc_now(), monotonic_now());
   return setup;
-}
-
-void TtcNode::open_files() {
-  const auto mib = [this](const char* parameter) {
-    return static_cast<std::uint64_t>(get_parameter<std::int64_t>(parameter)) << 20;
-  };
-  files_ = std::make_shared<Files>();
-  files_->root = var().root / "files";
-  files_->checkpoint = state_dir() / "cfdp";
-  files_->uplink_quota_octets = mib("uplink_quota_mib");
-  files_->free_floor_octets = mib("free_floor_mib");
-  files_->manager.emplace(files_->root);
-  files_->images.emplace(var().root / "images", files_->root);
-  files_worker_ = create_worker("ttc_files", files_worker_capacity);
 }
 
 ros::CallbackReturn TtcNode::on_configure() {
@@ -361,26 +266,34 @@ ros::CallbackReturn TtcNode::on_configure() {
   }
   line_ = std::move(*line);
 
-  if (dictionary_revision_ != deployment().added_revision) {  // added or removed while nothing was open
-    dictionary_revision_ = deployment().added_revision;
-    dictionary_ = mission::Dictionary::load_fitting(mission::Dictionary::default_folder(), fragments(),
-                                                    refused_fragments_);
-  }
-  TtcCore::Setup setup = look_at_the_disk(std::move(*channels), *downlink);
+  added_.read_again(list_of(deployment()));  // added or removed while nothing was open
+  const auto mib = [this](const char* parameter) {
+    return static_cast<std::uint64_t>(get_parameter<std::int64_t>(parameter)) << 20;
+  };
+  TtcDisk::Parts parts{
+      .state = std::make_unique<StoredState>(state_dir()),
+      .frame_counts = FrameCountFile(state_dir() / "frame_counts"),
+      .stores = std::make_unique<PacketStores>(added_.dictionary(), var().root / "store"),
+      .files = {.root = var().root / "files",
+                .images = var().root / "images",
+                .checkpoint = state_dir() / "cfdp",
+                .uplink_quota_octets = mib("uplink_quota_mib"),
+                .free_floor_octets = mib("free_floor_mib"),
+                // Less than one file a second was ever sent.
+                .first_transaction = static_cast<std::uint32_t>(system_utc_now().ns() / 1'000'000'000)}};
+  TtcCore::Setup setup = read_setup(*parts.state, parts.frame_counts, std::move(*channels), *downlink);
   setup.unusable_keys = std::move(unusable_keys);
   core_ = std::make_unique<TtcCore>(std::move(setup));
-  fill_from_dictionary();
-  stores_ = std::make_shared<PacketStores>(dictionary_, var().root / "store");
-  journal_worker_ = create_worker("ttc_journal", journal_worker_capacity);
-  state_worker_ = create_worker("ttc_state", state_worker_capacity);
-  store_worker_ = create_worker("ttc_store", store_worker_capacity);
-  store_worker_->post([stores = stores_, file = frame_count_file_, counts = core_->reserved_counts()] {
-    (void)file->store(counts);  // the first commit writes them again, and says what fails
-    stores->open();
-  });
-  open_files();
+  added_.fill(*core_);
+  disk_ = std::make_unique<TtcDisk>(
+      std::move(parts),
+      TtcDisk::Workers{.journal = create_worker("ttc_journal", journal_worker_capacity),
+                       .state = create_worker("ttc_state", state_worker_capacity),
+                       .stores = create_worker("ttc_store", store_worker_capacity),
+                       .files = create_worker("ttc_files", files_worker_capacity)},
+      *core_, [this] { advance(); });
   subscribe();
-  meet_added_nodes(false);
+  follow_added_nodes(false);
   capture_goals_.client = create_action_client<srfs_msgs::action::CaptureImage>("/image/capture");
   process_goals_.client = create_action_client<srfs_msgs::action::ProcessImage>("/image/process");
   say_how_the_link_is_secured(deployment().link);
@@ -390,62 +303,12 @@ ros::CallbackReturn TtcNode::on_configure() {
   return ros::CallbackReturn::success;
 }
 
-void TtcNode::load_journal(TtcCore::Setup& setup, bool ran) {
-  AcceptanceJournal& journal = setup.journal;
-  journal_file_ = std::make_shared<JournalOnDisk>(state_dir() / "telecommands");
-  JournalLog::Found found = journal_file_->log.load();
-  setup.journal_damaged_octets = found.damaged_octets;
-  for (const JournalRecord& record : found.records) {
-    if (!journal.apply(record))
-      setup.journal_damaged_octets += record.payload.size() + journal_record_overhead;
-  }
-  link_file_ = std::make_shared<LinkStateFile>(state_dir() / "link_state");
-  const LinkStateFile::Found copy = link_file_->load();
-  const bool lost = found.existed && !journal.has_state() && journal.link().generation == 0;
-  setup.journal_damage = !lost ? setup.journal_damaged_octets > 0 ? "the rest is read" : ""
-                         : copy.state.generation != 0 ? "telecommands lost, counters from their copy"
-                                                      : "telecommands and counters lost";
-  if (!setup.journal_damage.empty()) {
-    log::error("the journal of telecommands is damaged, {} octets skipped: {}", setup.journal_damaged_octets,
-               setup.journal_damage);
-  }
-  setup.copied_generation = copy.state.generation;
-  journal.begin(copy.state,
-                first_telecommand_id(copy.state.next_telecommand_id, next_telecommand_id_, system_utc_now()),
-                monotonic_now());
-  const bool nothing = !journal.has_state() && journal.link().generation == 0;
-  setup.first_start = nothing && !(ran || found.existed);
-  setup.floor = floor_wanted(state_dir() / wanted_floor_file, nothing, ran || found.existed);
-  // A first start that is killed from here on has left a journal, and is none any more.
-  if (nothing) {
-    const JournalBatch batch = journal.take_batch(true);
-    const auto written = journal_file_->log.snapshot(*batch.snapshot);
-    journal.on_written(batch, written.has_value(), journal_file_->log.used_octets());
-  }
-}
-
-void TtcNode::carry_out(const ForgetWantedFloor& /*action*/) {
-  state_worker_->post([marker = state_dir() / wanted_floor_file] {
-    std::error_code ec;
-    std::filesystem::remove(marker, ec);
-    if (ec) log::error("{}: cannot be removed: {}", marker.string(), ec.message());
-  });
-}
-
-void TtcNode::fill_from_dictionary() {
-  for (const mission::Structure& structure : dictionary_.structures()) {
-    if (structure.kind == mission::StructureKind::housekeeping && structure.id != 0) add_structure(structure);
-  }
-  for (const mission::Event& event : dictionary_.events()) core_->events().add_event(event.id);
-  core_->events().add_essential_event(mission::event::ttc_retrieval_done);
-}
-
 void TtcNode::subscribe() {
   const auto keep = [this](auto subscription) { subscriptions_.push_back(std::move(subscription)); };
   telecommands_ = create_publisher(suite::topics::telecommand);
   mode_publisher_ = create_publisher(suite::topics::mode);
-  keep(create_subscription(suite::topics::time_tick,
-                           [this](const srfs_msgs::msg::TimeTick& m) { on_tick(m); }));
+  keep(
+      create_subscription(suite::topics::time_tick, [this](const srfs_msgs::msg::TimeTick& m) { on_tick(m); }));
   keep(create_subscription(suite::topics::event, [this](const srfs_msgs::msg::Event& m) {
     if (!is_active()) return;
     if (core_->on_event(m.source, m.event_id, m.severity, m.data, now())) pump_downlink();
@@ -454,16 +317,21 @@ void TtcNode::subscribe() {
                            [this](const srfs_msgs::msg::TelecommandReport& m) { on_telecommand_report(m); }));
   for (const std::string& node : core_->beacon().nodes()) {
     if (node == name()) continue;
-    keep(create_subscription(suite::topics::telemetry(node),
-                             [this, node](const srfs_msgs::msg::PayloadTelemetry& m) {
-                               if (m.source == node) on_telemetry(m);
-                             }));
-    keep(create_subscription(
-        ros::Topic<lifecycle_msgs::msg::TransitionEvent>{"/" + node + "/transition_event", {}},
-        [this, node](const lifecycle_msgs::msg::TransitionEvent& m) {
-          core_->beacon().on_lifecycle(node, m.goal_state.id);
-        }));
+    for (auto& subscription : listen_to(node)) keep(std::move(subscription));
   }
+}
+
+std::vector<std::shared_ptr<void>> TtcNode::listen_to(const std::string& node) {
+  using lifecycle_msgs::msg::TransitionEvent;
+  return {create_subscription(suite::topics::telemetry(node),
+                              [this, node](const srfs_msgs::msg::PayloadTelemetry& m) {
+                                if (m.source == node) on_telemetry(m);
+                              }),
+          create_subscription(ros::Topic<TransitionEvent>{"/" + node + "/transition_event", {}},
+                              [this, node](const TransitionEvent& m) {
+                                core_->beacon().on_lifecycle(node, m.goal_state.id);
+                                added_.on_lifecycle(node, m.goal_state.id);
+                              })};
 }
 
 void TtcNode::start_periods() {
@@ -475,8 +343,9 @@ void TtcNode::start_periods() {
 }
 
 ros::CallbackReturn TtcNode::on_activate() {
-  report_refused_fragments();
-  report_added_problems();
+  added_.report_refused();
+  added_.report_problems(deployment().added_problems);
+  raise_added_events();
   line_watch_ = watch_fd(
       line_->fd(), EPOLLIN,
       [this](std::uint32_t) {
@@ -542,16 +411,6 @@ ros::CallbackReturn TtcNode::on_activate() {
   return ros::CallbackReturn::success;
 }
 
-/// Packets that no commit had.
-void TtcNode::store_rest() {
-  auto items = core_->take_unstored();
-  if (items.empty() || !store_worker_) return;
-  store_worker_->post([stores = stores_, items = std::move(items)] {
-    for (const StoreItem& item : items) stores->append(item);
-    stores->commit();
-  });
-}
-
 ros::CallbackReturn TtcNode::on_deactivate() {
   wake_up_.reset();
   wake_up_at_.reset();
@@ -559,7 +418,7 @@ ros::CallbackReturn TtcNode::on_deactivate() {
   housekeeping_timer_.reset();
   beacon_timer_.reset();
   line_watch_.reset();
-  store_rest();
+  if (disk_) disk_->store_rest();
   return ros::CallbackReturn::success;
 }
 
@@ -572,34 +431,21 @@ ros::CallbackReturn TtcNode::on_cleanup() {
   get_clients_.clear();
   set_clients_.clear();
   // Nothing that was accepted or collected is lost by an orderly end.
-  if (core_ && journal_worker_) {
-    journal_worker_->drain();
+  if (disk_) {
+    disk_->drain_journal();
     core_->flush_journal(monotonic_now());
     run(core_->take_actions());
-    journal_worker_->drain();
+    disk_->drain_journal();
     core_->copy_link_state();
     core_->store_open_progress();
     run(core_->take_actions());
-    // No more is sent: the next start goes on exactly there.
-    store_worker_->post([file = frame_count_file_, counts = core_->frame_counts()] {
-      if (const auto stored = file->store(counts); !stored) log::warn("{}", stored.error().message);
-    });
+    disk_->close();
   }
-  if (core_) store_rest();
+  disk_.reset();
   telecommands_.reset();
   mode_publisher_.reset();
-  if (state_worker_) state_worker_->drain();
-  if (store_worker_) store_worker_->drain();
-  journal_worker_.reset();
-  if (files_worker_) files_worker_->drain();
-  files_worker_.reset();
-  files_.reset();
-  state_worker_.reset();
-  joined_nodes_.clear();  // a dictionary that was on its way may have met them again
-  store_worker_.reset();
-  stores_.reset();
-  journal_file_.reset();
-  link_file_.reset();
+  added_.forget();  // a dictionary that was on its way may have met them again
+  added_subscriptions_.clear();
   line_.reset();
   if (core_) {
     next_telecommand_id_ = core_->journal().next_id();

@@ -11,6 +11,8 @@
 #include <string_view>
 #include <vector>
 
+#include <mission/structures.hpp>
+
 #include "image/frame_mark.hpp"
 
 namespace srfs {
@@ -34,6 +36,12 @@ struct QueuedProducts {
   std::uint16_t failure = 0;  ///< code of the dictionary; 0: all are queued
   std::string reason = {};
   std::size_t queued = 0;
+};
+
+/// What became of an imaging task's order to the disk.
+struct ImagingOutcome {
+  std::optional<std::vector<std::string>> frames = {};
+  QueuedProducts products{.failure = mission::failure::disk_failed};  ///< queued, or taken out again
 };
 
 /// Imaging's files between the folder of images and the folder of files: products into the outbox, and frames
