@@ -1,7 +1,8 @@
 // SPDX-FileCopyrightText: 2026 SRFS contributors
 // SPDX-License-Identifier: Apache-2.0
-// The goals of the two imaging nodes.
-#include "nodes/ttc/ttc_node.hpp"
+#include "nodes/ttc/ttc_imaging.hpp"
+
+#include "suite/instance.hpp"
 
 namespace srfs {
 namespace {
@@ -64,37 +65,36 @@ typename A::Goal to_goal(const ImagingOrder& order) {
 }  // namespace
 
 template <class A>
-void TtcNode::send_image_goal(ImageGoals<A>& goals, ImageServer server, std::uint64_t id,
-                              const typename A::Goal& goal) {
+void ImagingGoals::send(Goals<A>& goals, ImageServer server, std::uint64_t id, const typename A::Goal& goal) {
   ros::GoalCallbacks<A> callbacks;
   callbacks.accepted = [this, id](UtcTime) {
-    core_->imaging().on_accepted(id, monotonic_now());
-    look_at_imaging_nodes();
-    advance();
+    scheduler_.on_accepted(id, monotonic_now());
+    look_at_nodes();
+    answered_();
   };
   callbacks.feedback = [this, id](const typename A::Feedback& feedback) {
-    core_->imaging().on_feedback(id, feedback.frames_done, monotonic_now());
-    advance();
+    scheduler_.on_feedback(id, feedback.frames_done, monotonic_now());
+    answered_();
   };
   callbacks.ended = [this, id, server, &goals](const ros::GoalOutcome<A>& outcome) {
     ImageGoalEnd end = to_end<A>(outcome);
     if (const auto known = goals.under_way.find(id); known != goals.under_way.end())
       end.run = image::run_of_goal(known->second->id());
-    core_->imaging().on_goal_end(id, server, std::move(end), monotonic_now());
+    scheduler_.on_goal_end(id, server, std::move(end), monotonic_now());
     goals.under_way.erase(id);
-    advance();
+    answered_();
   };
   auto sent = goals.client->send_goal(goal, std::move(callbacks), goal_deadlines);
   if (!sent->is_over()) goals.under_way[id] = std::move(sent);
 }
 
 template <class A>
-void TtcNode::serve(ImageGoals<A>& goals, const ImagingOrder& order) {
+void ImagingGoals::serve(Goals<A>& goals, const ImagingOrder& order) {
   if (order.action == ImagingAction::cancel_all) {
     // Only ttc has goals there, and none of them is of this process.
     goals.client->cancel_all_goals(clear_deadline, [this, server = order.server](ros::CancelOutcome) {
-      core_->imaging().on_cleared(server);
-      advance();
+      scheduler_.on_cleared(server);
+      answered_();
     });
     return;
   }
@@ -104,27 +104,26 @@ void TtcNode::serve(ImageGoals<A>& goals, const ImagingOrder& order) {
     const auto goal = found->second;
     goal->cancel();
     // The end of a task that was given up is not awaited.
-    if (!core_->imaging().knows(order.id)) goals.under_way.erase(order.id);
+    if (!scheduler_.knows(order.id)) goals.under_way.erase(order.id);
     return;
   }
-  send_image_goal(goals, order.server, order.id, to_goal<A>(order));
+  send(goals, order.server, order.id, to_goal<A>(order));
 }
 
-void TtcNode::carry_out(const ServeImaging& action) {
-  action.order.server == ImageServer::acquisition ? serve(capture_goals_, action.order)
-                                                  : serve(process_goals_, action.order);
+void ImagingGoals::carry_out(const ServeImaging& action) {
+  action.order.server == ImageServer::acquisition ? serve(capture_, action.order)
+                                                  : serve(process_, action.order);
 }
 
-/// A restarted node forgets its goals; the middleware may need its lease to notice.
-void TtcNode::look_at_imaging_nodes() {
-  if (core_->imaging().tasks() == 0) return;
+void ImagingGoals::look_at_nodes() {
+  if (scheduler_.tasks() == 0) return;
   struct Seen {
     MonotonicTime at;
     std::uint32_t acquisition = 0;
     std::uint32_t processing = 0;
   };
-  disk_->small_files().ask(
-      [paths = var()] {
+  small_files_.ask(
+      [paths = var_] {
         const auto incarnation = [&](const char* node) {
           const auto instance = suite::find_instance(paths, node);
           return instance ? instance->incarnation : 0U;
@@ -133,9 +132,9 @@ void TtcNode::look_at_imaging_nodes() {
         return Seen{at, incarnation(acquisition_node), incarnation(processing_node)};
       },
       [this](const Seen& seen) {
-        core_->imaging().on_instance(ImageServer::acquisition, seen.acquisition, seen.at);
-        core_->imaging().on_instance(ImageServer::processing, seen.processing, seen.at);
-        advance();
+        scheduler_.on_instance(ImageServer::acquisition, seen.acquisition, seen.at);
+        scheduler_.on_instance(ImageServer::processing, seen.processing, seen.at);
+        answered_();
       });
 }
 

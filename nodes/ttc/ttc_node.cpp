@@ -138,6 +138,8 @@ bool TtcNode::run(TtcCore::Actions actions) {
           [this](const auto& a) {
             if constexpr (requires { disk_->carry_out(a); }) {
               disk_->carry_out(a);
+            } else if constexpr (requires { imaging_goals_->carry_out(a); }) {
+              imaging_goals_->carry_out(a);
             } else {
               carry_out(a);
             }

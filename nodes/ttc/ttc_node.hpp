@@ -13,15 +13,13 @@
 #include <rcl_interfaces/srv/get_parameters.hpp>
 #include <rcl_interfaces/srv/set_parameters.hpp>
 
-#include <srfs_msgs/action/capture_image.hpp>
-#include <srfs_msgs/action/process_image.hpp>
-
 #include "base/action_queue.hpp"
 #include "hw/open.hpp"
 #include "nodes/ttc/added_nodes.hpp"
 #include "nodes/ttc/link/frame_count_page.hpp"
 #include "nodes/ttc/ttc_core.hpp"
 #include "nodes/ttc/ttc_disk.hpp"
+#include "nodes/ttc/ttc_imaging.hpp"
 #include "suite/node.hpp"
 
 namespace srfs {
@@ -70,29 +68,15 @@ class TtcNode : public suite::Node {
   void send_beacon();
   void look_at_nodes();
   void ask_for_state(const std::string& node);
-  void look_at_imaging_nodes();
 
-  // What is not for the disk
+  // What is neither for the disk nor a goal
   void carry_out(const PublishTelecommand& action);
   void carry_out(const PublishMode& action);
   void carry_out(const RaiseEvent& action);
   void carry_out(const TestConnection& action);
   void carry_out(const CallParameter& action);
-  void carry_out(const ServeImaging& action);
   void carry_out(const AcceptanceSent& action);
   void carry_out(const LogLine& action);
-
-  // Goals of the imaging nodes (ttc_imaging.cpp)
-  template <class A>
-  struct ImageGoals {
-    std::shared_ptr<ros::ActionClient<A>> client;
-    std::map<std::uint64_t, std::shared_ptr<ros::ClientGoal<A>>> under_way;  ///< by telecommand
-  };
-  template <class A>
-  void send_image_goal(ImageGoals<A>& goals, ImageServer server, std::uint64_t id,
-                       const typename A::Goal& goal);
-  template <class A>
-  void serve(ImageGoals<A>& goals, const ImagingOrder& order);
 
   // Added nodes
   /// Reads the dictionary anew on a worker, if the list is another one.
@@ -106,6 +90,7 @@ class TtcNode : public suite::Node {
   std::map<std::string, std::vector<std::shared_ptr<void>>> added_subscriptions_;
   std::unique_ptr<TtcCore> core_;  ///< from configure to cleanup, as the next
   std::unique_ptr<TtcDisk> disk_;
+  std::unique_ptr<ImagingGoals> imaging_goals_;
   ActionQueue<TtcAction> actions_;
   std::unique_ptr<hw::SerialPort> line_;
 
@@ -122,8 +107,6 @@ class TtcNode : public suite::Node {
   std::map<std::string, std::shared_ptr<ros::Client<lifecycle_msgs::srv::GetState>>> connection_clients_;
   std::map<std::string, std::shared_ptr<ros::Client<rcl_interfaces::srv::GetParameters>>> get_clients_;
   std::map<std::string, std::shared_ptr<ros::Client<rcl_interfaces::srv::SetParameters>>> set_clients_;
-  ImageGoals<srfs_msgs::action::CaptureImage> capture_goals_;
-  ImageGoals<srfs_msgs::action::ProcessImage> process_goals_;
   std::vector<std::string> answered_;  ///< nodes whose client has done its work
   std::vector<ros::Timer> timers_;
   ros::Timer housekeeping_timer_;

@@ -294,8 +294,10 @@ ros::CallbackReturn TtcNode::on_configure() {
       *core_, [this] { advance(); });
   subscribe();
   follow_added_nodes(false);
-  capture_goals_.client = create_action_client<srfs_msgs::action::CaptureImage>("/image/capture");
-  process_goals_.client = create_action_client<srfs_msgs::action::ProcessImage>("/image/process");
+  imaging_goals_ =
+      std::make_unique<ImagingGoals>(create_action_client<ImagingGoals::Capture>("/image/capture"),
+                                     create_action_client<ImagingGoals::Process>("/image/process"),
+                                     core_->imaging(), disk_->small_files(), var(), [this] { advance(); });
   say_how_the_link_is_secured(deployment().link);
   core_->restore(monotonic_now());
   run(core_->take_actions());
@@ -394,7 +396,7 @@ ros::CallbackReturn TtcNode::on_activate() {
       },
       "imaging housekeeping"));
   timers_.push_back(create_timer(
-      seconds(2), [this] { look_at_imaging_nodes(); }, "look at imaging nodes"));
+      seconds(2), [this] { imaging_goals_->look_at_nodes(); }, "look at imaging nodes"));
   timers_.push_back(create_timer(
       seconds(5), [this] { look_at_nodes(); }, "look at nodes"));
   timers_.push_back(create_timer(
@@ -424,8 +426,6 @@ ros::CallbackReturn TtcNode::on_deactivate() {
 
 ros::CallbackReturn TtcNode::on_cleanup() {
   subscriptions_.clear();
-  capture_goals_ = {};
-  process_goals_ = {};
   state_clients_.clear();
   connection_clients_.clear();
   get_clients_.clear();
@@ -442,6 +442,7 @@ ros::CallbackReturn TtcNode::on_cleanup() {
     disk_->close();
   }
   disk_.reset();
+  imaging_goals_.reset();  // its worker is gone
   telecommands_.reset();
   mode_publisher_.reset();
   added_.forget();  // a dictionary that was on its way may have met them again
