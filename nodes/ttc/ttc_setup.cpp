@@ -355,58 +355,31 @@ ros::CallbackReturn TtcNode::on_activate() {
         advance();
       },
       "rs422");
-  timers_.push_back(create_timer(
-      seconds(1),
-      [this] {
-        core_->commit_stores(outgoing_.empty(), monotonic_now());
-        advance();
-      },
-      "commit stores"));
-  timers_.push_back(create_timer(
-      ModeManager::publish_period,
-      [this] {
-        core_->publish_mode();
-        advance();
-      },
-      "mode"));
+  const auto every = [this](nanoseconds period, std::string_view what, auto work) {
+    const auto run_it = [this, work] {
+      work();
+      advance();
+    };
+    timers_.push_back(create_timer(period, run_it, what));
+  };
+  every(seconds(1), "commit stores", [this] { core_->commit_stores(outgoing_.empty(), monotonic_now()); });
+  every(ModeManager::publish_period, "mode", [this] { core_->publish_mode(); });
+  every(seconds(30), "files housekeeping", [this] { core_->send_files_housekeeping(now()); });
+  every(seconds(30), "schedule housekeeping", [this] { core_->send_schedule_housekeeping(now()); });
+  every(seconds(30), "imaging housekeeping", [this] { core_->send_imaging_housekeeping(now()); });
+  every(link_state_copy_period, "copy link state", [this] {
+    core_->copy_link_state();
+    core_->store_open_progress();
+  });
   start_periods();
   // The first beacon does not wait for its period: an operator who listens wants to know that the spacecraft
   // is up.
   timers_.push_back(create_one_shot(
       monotonic_now() + seconds(6), [this] { send_beacon(); }, "beacon"));
   timers_.push_back(create_timer(
-      seconds(30),
-      [this] {
-        core_->send_files_housekeeping(now());
-        advance();
-      },
-      "files housekeeping"));
-  timers_.push_back(create_timer(
-      seconds(30),
-      [this] {
-        core_->send_schedule_housekeeping(now());
-        advance();
-      },
-      "schedule housekeeping"));
-  timers_.push_back(create_timer(
-      seconds(30),
-      [this] {
-        core_->send_imaging_housekeeping(now());
-        advance();
-      },
-      "imaging housekeeping"));
-  timers_.push_back(create_timer(
       seconds(2), [this] { imaging_goals_->look_at_nodes(); }, "look at imaging nodes"));
   timers_.push_back(create_timer(
       seconds(5), [this] { look_at_nodes(); }, "look at nodes"));
-  timers_.push_back(create_timer(
-      link_state_copy_period,
-      [this] {
-        core_->copy_link_state();
-        core_->store_open_progress();
-        advance();
-      },
-      "copy link state"));
   look_at_nodes();
   core_->activate(monotonic_now());
   advance();
