@@ -29,15 +29,32 @@ std::string found(const YAML::Node& node) {
   return "nothing";
 }
 
+YAML::Node value_of(const YAML::Node& mapping, std::string_view key) {
+  return mapping.IsMap() ? mapping[std::string(key)] : YAML::Node(YAML::NodeType::Undefined);
+}
+
 }  // namespace
 
-ConfigSection::ConfigSection(const YAML::Node& node, std::string file, std::string path)
-    : node_(node), file_(std::move(file)), path_(std::move(path)) {}
-
 ConfigSection ConfigSection::load(const std::filesystem::path& file) {
-  const auto content = read_file(file);
-  if (!content) throw ConfigError(content.error().message);
-  return parse(*content, file.string());
+  std::vector<Layer> layers;
+  std::filesystem::path next = file;
+  while (true) {
+    const auto content = read_file(next);
+    if (!content) throw ConfigError(content.error().message);
+    const ConfigSection one = parse(*content, next.string());
+    layers.push_back(one.layers_.front());
+    if (!one.has("extends")) break;
+    const std::string name = one.text("extends");
+    next.replace_filename(name + ".yaml");
+    if (name.find('/') != std::string::npos || !std::filesystem::is_regular_file(next))
+      throw one.bad("extends",
+                    fmt::format("the name of a file in this folder, without .yaml ({})", next.string()));
+    for (const Layer& layer : layers)
+      if (layer.file == next.string()) throw one.bad("extends", "a file that does not extend this one");
+  }
+  ConfigSection root(std::move(layers), "");
+  root.asked_.emplace("extends");
+  return root;
 }
 
 ConfigSection ConfigSection::parse(const std::string& text, const std::string& name) {
@@ -46,23 +63,38 @@ ConfigSection ConfigSection::parse(const std::string& text, const std::string& n
     if (node.IsNull()) node = YAML::Node(YAML::NodeType::Map);
     if (!node.IsMap())
       throw ConfigError(fmt::format("{}: expected a mapping at the top, found {}", name, found(node)));
-    return {node, name, ""};
+    return ConfigSection({{node, name}}, "");
   } catch (const YAML::Exception& e) {
     throw ConfigError(fmt::format("{}:{}: not valid YAML: {}", name, e.mark.line + 1, e.msg));
   }
 }
 
-ConfigError ConfigSection::bad(std::string_view key, std::string_view expected) const {
-  const YAML::Node node = get(key);
-  const int line = (node.IsDefined() ? node : node_).Mark().line + 1;
-  return ConfigError(fmt::format("{}:{}: '{}{}{}': expected {}, found {}", file_, line, path_,
-                                 path_.empty() ? "" : ".", key, expected, found(node)));
+std::vector<std::string> ConfigSection::files() const {
+  std::vector<std::string> names;
+  for (const Layer& layer : layers_) names.push_back(layer.file);
+  return names;
 }
 
-YAML::Node ConfigSection::get(std::string_view key) const {
+std::string ConfigSection::path_of(std::string_view key) const {
+  return fmt::format("{}{}{}", path_, path_.empty() ? "" : ".", key);
+}
+
+ConfigError ConfigSection::bad(std::string_view key, std::string_view expected) const {
+  const Layer value = find(key);
+  const int line = (value.node.IsDefined() ? value.node : layers_.front().node).Mark().line + 1;
+  return ConfigError(fmt::format("{}:{}: '{}': expected {}, found {}", value.file, line, path_of(key),
+                                 expected, found(value.node)));
+}
+
+ConfigSection::Layer ConfigSection::find(std::string_view key) const {
   asked_.emplace(key);
-  const YAML::Node& constant = node_;
-  return constant.IsMap() ? constant[std::string(key)] : YAML::Node(YAML::NodeType::Undefined);
+  for (const Layer& layer : layers_) {
+    const YAML::Node value = value_of(layer.node, key);
+    const bool removes = value.IsDefined() && value.IsNull() && &layer != &layers_.back();
+    if (removes) break;
+    if (value.IsDefined()) return {value, layer.file};
+  }
+  return {YAML::Node(YAML::NodeType::Undefined), file()};
 }
 
 YAML::Node ConfigSection::need(std::string_view key, std::string_view expected) const {
@@ -156,33 +188,42 @@ std::vector<std::int64_t> ConfigSection::integers(std::string_view key, std::int
 }
 
 ConfigSection ConfigSection::section(std::string_view key) const {
-  YAML::Node node = has(key) ? get(key) : YAML::Node(YAML::NodeType::Map);
-  if (node.IsNull()) node = YAML::Node(YAML::NodeType::Map);
-  if (!node.IsMap()) throw bad(key, "a mapping");
-  return {node, file_, fmt::format("{}{}{}", path_, path_.empty() ? "" : ".", key)};
+  const YAML::Node first = get(key);
+  if (first.IsDefined() && !first.IsNull() && !first.IsMap()) throw bad(key, "a mapping");
+  std::vector<Layer> merged;
+  for (const Layer& layer : layers_) {
+    const YAML::Node value = value_of(layer.node, key);
+    if (!value.IsDefined()) continue;
+    if (!value.IsMap()) break;
+    merged.push_back({value, layer.file});
+  }
+  if (merged.empty()) merged.push_back({YAML::Node(YAML::NodeType::Map), file()});
+  return {std::move(merged), path_of(key)};
 }
 
 std::vector<ConfigSection> ConfigSection::sections(std::string_view key) const {
   std::vector<ConfigSection> all;
   if (!has(key)) return all;
-  const YAML::Node node = get(key);
-  if (!node.IsSequence()) throw bad(key, "a list of mappings");
-  for (std::size_t i = 0; i < node.size(); ++i) {
-    const YAML::Node item = node[i];
+  const Layer list = find(key);
+  if (!list.node.IsSequence()) throw bad(key, "a list of mappings");
+  for (std::size_t i = 0; i < list.node.size(); ++i) {
+    const YAML::Node item = list.node[i];
     if (!item.IsMap()) throw bad(key, "a list of mappings");
-    all.push_back(ConfigSection(item, file_,
-                                fmt::format("{}{}{}[{}]", path_, path_.empty() ? "" : ".", key, all.size())));
+    all.push_back(ConfigSection({{item, list.file}}, fmt::format("{}[{}]", path_of(key), all.size())));
   }
   return all;
 }
 
 std::vector<std::string> ConfigSection::keys() const {
   std::vector<std::string> names;
-  if (!node_.IsMap()) return names;
-  for (const auto& entry : node_) {
-    names.push_back(entry.first.Scalar());
-    asked_.insert(entry.first.Scalar());
+  for (auto layer = layers_.rbegin(); layer != layers_.rend(); ++layer) {
+    if (!layer->node.IsMap()) continue;
+    for (const auto& entry : layer->node) {
+      const std::string& name = entry.first.Scalar();
+      if (std::find(names.begin(), names.end(), name) == names.end()) names.push_back(name);
+    }
   }
+  std::erase_if(names, [&](const std::string& name) { return !has(name); });
   return names;
 }
 
@@ -191,13 +232,14 @@ YAML::Node ConfigSection::raw(std::string_view key) const {
 }
 
 void ConfigSection::finish() const {
-  if (!node_.IsMap()) return;
-  for (const auto& entry : node_) {
-    const std::string key = entry.first.Scalar();
-    if (asked_.contains(key)) continue;
-    throw ConfigError(fmt::format("{}:{}: '{}{}{}': unknown key, expected one of {}", file_,
-                                  entry.first.Mark().line + 1, path_, path_.empty() ? "" : ".", key,
-                                  fmt::join(asked_, ", ")));
+  for (const Layer& layer : layers_) {
+    if (!layer.node.IsMap()) continue;
+    for (const auto& entry : layer.node) {
+      const std::string key = entry.first.Scalar();
+      if (asked_.contains(key)) continue;
+      throw ConfigError(fmt::format("{}:{}: '{}': unknown key, expected one of {}", layer.file,
+                                    entry.first.Mark().line + 1, path_of(key), fmt::join(asked_, ", ")));
+    }
   }
 }
 

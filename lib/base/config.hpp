@@ -24,9 +24,12 @@ class ConfigError : public std::runtime_error {
 
 /// One mapping of a YAML file, read strictly: every value is checked for its type and range, and finish()
 /// refuses keys that were never asked for. Paths in messages look like "nodes[2].parameters.tick_period_ms".
+/// A file with `extends: NAME` states what differs from NAME.yaml in the same folder, which may extend
+/// another: mappings are merged, other values replace those of the other file, null removes one.
 class ConfigSection {
  public:
-  /// Reads the file. Throws ConfigError when it is missing, not YAML, or not a mapping.
+  /// Reads the file and those that it extends. Throws ConfigError when one is missing, not YAML, not a
+  /// mapping, or extends itself.
   static ConfigSection load(const std::filesystem::path& file);
   /// The same from text, for tests. @param name stands for the file's name in messages
   static ConfigSection parse(const std::string& text, const std::string& name);
@@ -52,11 +55,11 @@ class ConfigSection {
                                                    std::int64_t highest) const;
   [[nodiscard]] ConfigSection section(std::string_view key) const;
   [[nodiscard]] std::vector<ConfigSection> sections(std::string_view key) const;
-  /// All keys of this mapping, in file order; counts as asking for them (their own content is still checked
-  /// by its reader).
+  /// All keys of this mapping, in file order, those of an extended file first; counts as asking for them
+  /// (their own content is still checked by its reader).
   [[nodiscard]] std::vector<std::string> keys() const;
   /// The raw node, for values whose type depends on a declaration elsewhere (ROS parameters). Missing:
-  /// undefined node.
+  /// undefined node. Mappings are not merged.
   [[nodiscard]] YAML::Node raw(std::string_view key) const;
 
   /// Throws ConfigError for keys of this mapping that were never asked for, naming the known ones.
@@ -64,15 +67,24 @@ class ConfigSection {
   /// The error that @p key is not as @p expected.
   [[nodiscard]] ConfigError bad(std::string_view key, std::string_view expected) const;
   [[nodiscard]] const std::string& path() const { return path_; }
-  [[nodiscard]] const std::string& file() const { return file_; }
+  [[nodiscard]] const std::string& file() const { return layers_.front().file; }
+  /// The file, then those that it extends.
+  [[nodiscard]] std::vector<std::string> files() const;
 
  private:
-  ConfigSection(const YAML::Node& node, std::string file, std::string path);
-  [[nodiscard]] YAML::Node get(std::string_view key) const;
+  struct Layer {
+    YAML::Node node;
+    std::string file;
+  };
+  ConfigSection(std::vector<Layer> layers, std::string path)
+      : layers_(std::move(layers)), path_(std::move(path)) {}
+  /// The value that counts, and its file. Undefined node: missing.
+  [[nodiscard]] Layer find(std::string_view key) const;
+  [[nodiscard]] YAML::Node get(std::string_view key) const { return find(key).node; }
   [[nodiscard]] YAML::Node need(std::string_view key, std::string_view expected) const;
+  [[nodiscard]] std::string path_of(std::string_view key) const;
 
-  YAML::Node node_;
-  std::string file_;
+  std::vector<Layer> layers_;  // a file, then those that it extends; one at least
   std::string path_;
   mutable std::set<std::string, std::less<>> asked_;
 };

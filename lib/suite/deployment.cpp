@@ -266,7 +266,9 @@ LinkSettings read_link(const ConfigSection& section) {
 Deployment Deployment::load(const std::filesystem::path& file) {
   const ConfigSection root = ConfigSection::load(file);
   Deployment d;
-  d.file = std::filesystem::absolute(file);
+  for (const std::string& each : root.files()) d.extended.push_back(std::filesystem::absolute(each));
+  d.file = d.extended.front();
+  d.extended.erase(d.extended.begin());
   d.name = root.text("deployment");
   const ConfigSection dds = root.section("dds");
   if (dds.text("domain", "auto") != "auto") d.domain = static_cast<int>(dds.integer("domain", 0, 101));

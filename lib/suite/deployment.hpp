@@ -139,6 +139,7 @@ struct RingSettings {
 /// One deployment file (launch_config/NAME.yaml), read strictly.
 struct Deployment {
   std::filesystem::path file;
+  std::vector<std::filesystem::path> extended;  ///< by file, absolute
   std::string name;
   std::optional<int> domain;  ///< nullopt: auto
   std::vector<std::string> interfaces;

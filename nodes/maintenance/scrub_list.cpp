@@ -40,6 +40,7 @@ std::vector<ScrubFile> files_to_scrub(const suite::Deployment& deployment, const
                                       const Installation& installation) {
   std::vector<ScrubFile> files;
   files.push_back({deployment.file, ScrubKind::text, {}});
+  for (const auto& file : deployment.extended) files.push_back({file, ScrubKind::text, {}});
   add_files(files, installation.bin_folder, ScrubKind::program,
             [](const path& file) { return file.filename() == "srfs" || file.filename() == "srfs-lane"; });
   for (const suite::NodeEntry& node : deployment.nodes) {

@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <fmt/format.h>
 
+#include "base/config.hpp"
 #include "base/file.hpp"
 #include "lane.hpp"
 
@@ -9,8 +10,27 @@ namespace srfs::lane {
 
 using namespace update;
 
+namespace {
+
+constexpr std::size_t deployment_octets = 1U << 20;
+
+/// The file, and those that it extends. @return why not
+std::optional<std::string> put_deployment(const WorkFolder& work, const std::filesystem::path& file) {
+  try {
+    for (const std::filesystem::path each : ConfigSection::load(file).files()) {
+      const auto text = read_file(each, deployment_octets);
+      if (!text) return text.error().message;
+      if (auto error = work.put("deployment" / each.filename(), *text)) return error;
+    }
+  } catch (const ConfigError& error) {
+    return error.what();
+  }
+  return std::nullopt;
+}
+
+}  // namespace
+
 LaneExit self_test(const Lane& lane, const SelfTestOrder& order, Report& report) {
-  constexpr std::size_t deployment_octets = 1U << 20;
   constexpr std::size_t told_octets = 2048;
   const auto conclude = [&](SelfTestOutcome outcome, std::string reason) {
     report.outcome = to_text(outcome);
@@ -19,15 +39,13 @@ LaneExit self_test(const Lane& lane, const SelfTestOrder& order, Report& report)
   };
   const auto program = read_file(order.program, lane.confinement.limits.file_octets);
   if (!program) return conclude(SelfTestOutcome::sandbox_failed, program.error().message);
-  const auto deployment = read_file(order.deployment, deployment_octets);
-  if (!deployment) return conclude(SelfTestOutcome::sandbox_failed, deployment.error().message);
 
   const auto work = WorkFolder::make(lane.job(), lane.confinement);
   if (!work) return conclude(SelfTestOutcome::sandbox_failed, work.error());
-  const std::string deployment_name = order.deployment.filename();
-  for (const auto& error :
-       {work->put("program", *program, true), work->put("deployment/" + deployment_name, *deployment)})
-    if (error) return conclude(SelfTestOutcome::sandbox_failed, *error);
+  if (const auto error = work->put("program", *program, true))
+    return conclude(SelfTestOutcome::sandbox_failed, *error);
+  if (const auto error = put_deployment(*work, order.deployment))
+    return conclude(SelfTestOutcome::sandbox_failed, *error);
 
   const std::filesystem::path& folder = work->path();
   std::vector<std::string> command{folder / "program",
@@ -35,7 +53,7 @@ LaneExit self_test(const Lane& lane, const SelfTestOrder& order, Report& report)
                                    "--name",
                                    order.node,
                                    "--deployment",
-                                   folder / "deployment" / deployment_name,
+                                   folder / "deployment" / order.deployment.filename(),
                                    "--var",
                                    folder / "var",
                                    "--domain",

@@ -11,6 +11,7 @@ import sys
 
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[2] / "tools" / "demo"))
 
+import deployments  # noqa: E402
 import faults  # noqa: E402
 import fencing  # noqa: E402
 import mission  # noqa: E402
@@ -177,8 +178,9 @@ def run_overload(options, out, seed, signals, say):
 
 
 def run_updates(options, out, seed, signals, say):
-    text = mission.find_deployment("fig16").read_text().replace("  members: [payload_adcs, payload_thermal, payload_eps]\n", "")
-    (out / "deployment.yaml").write_text(text)  # the ring includes all nodes, so that it restarts maintenance
+    deployment = deployments.read("fig16")
+    del deployment["ring"]["members"]  # all nodes, so that the ring restarts maintenance
+    deployments.write(deployment, out / "deployment.yaml")
     shutil.rmtree(out / "var", ignore_errors=True)
     say(f"{options.updates} updates, seed {seed}")
     with mission.Mission(options.var or out / "var", options.deployment or out / "deployment.yaml", mission.installed(options.bin), say) as flight:

@@ -17,7 +17,6 @@ import os
 import pathlib
 import platform
 import random
-import re
 import select
 import shutil
 import signal
@@ -27,8 +26,9 @@ import tempfile
 import threading
 import time
 
+import deployments  # tools/demo
 import executions
-import mission  # tools/demo
+import mission
 import witness
 from lateness import Lateness, describe_lateness  # tools/demo
 
@@ -168,20 +168,19 @@ class Wrappers:
     def deployment(self, base, changed, misses=3, realtime=False, tick_ms=None):
         """Copies a deployment so that its nodes start through the wrappers. The tick period does not change the length of the slots: a holder
         that needs more than one tick blocks the switch to the next holder."""
-        text = base.read_text()
-        for node in NODES:
-            text = text.replace(f"executable: {node}_node\n", f"executable: {self.path(node)}\n")
-        # Nodes die more often here than in flight. With a short window, the ring's patience is spent only on deaths in quick succession.
-        text = text.replace("ring:", f"ring:\n  window_ms: {round(WINDOW_S * 1000)}", 1)
-        text = re.sub(r"^  misses: \d+", f"  misses: {misses}", text, count=1, flags=re.MULTILINE)
-        if tick_ms:
-            text = re.sub(r"tick_period_ms: \d+", f"tick_period_ms: {tick_ms}", text)
-        if realtime:
-            # Niceness and background apply to normal threads only; the deployment refuses them together with fifo.
-            text = re.sub(r"scheduling: \{ policy: other, priority: 0((?:, nice: -?\d+|, background: true)*),",
-                          f"scheduling: {{ policy: fifo, priority: {NODE_PRIORITY},", text)  # fmt: skip
-        changed.write_text(text)
-        return changed
+        deployment = deployments.read(base)
+        if "ring" in deployment:
+            # Nodes die more often here than in flight. With a short window, the ring's patience is spent only on deaths in quick succession.
+            deployment["ring"] |= {"window_ms": round(WINDOW_S * 1000), "misses": misses}
+        for node in deployment["nodes"]:
+            if node["executable"] in {f"{name}_node" for name in NODES}:
+                node["executable"] = str(self.path(node["name"]))
+            if tick_ms and node["name"] == "timing":
+                node["parameters"]["tick_period_ms"] = tick_ms
+            if realtime:
+                # Niceness and background apply to normal threads only; the deployment refuses them together with fifo.
+                node["scheduling"] = {"policy": "fifo", "priority": NODE_PRIORITY, "cpus": node["scheduling"]["cpus"]}
+        return deployments.write(deployment, changed)
 
 
 @dataclasses.dataclass
@@ -579,7 +578,7 @@ def make_realtime(pid):
 
 def tick_ms(deployment):
     """The tick period of a deployment file."""
-    return int(re.search(r"tick_period_ms: (\d+)", deployment.read_text()).group(1))
+    return next(node["parameters"]["tick_period_ms"] for node in deployments.read(deployment)["nodes"] if node["name"] == "timing")
 
 
 def slope_per_hour(points):

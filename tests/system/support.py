@@ -22,6 +22,7 @@ DEMO = ROOT / "tools" / "demo"
 sys.path.insert(0, str(DEMO))
 
 import can_frames  # noqa: E402, F401  (found through the path above)
+import deployments  # noqa: E402
 import mission  # noqa: E402
 from mission import wait_until  # noqa: E402, F401
 
@@ -181,13 +182,7 @@ class SystemTest(unittest.TestCase):
 
     def deployment(self, *replacements, base="sim"):
         """Copies a deployment with some text replaced."""
-        text = (ROOT / "launch_config" / f"{base}.yaml").read_text()
-        for old, new in replacements:
-            self.assertIn(old, text)
-            text = text.replace(old, new, 1)
-        path = self.folder / "changed.yaml"
-        path.write_text(text)
-        return path
+        return deployments.copy(deployments.FOLDER / f"{base}.yaml", self.folder / "changed.yaml", replacements)
 
     def assert_nothing_left(self, var):
         self.assertEqual(mission.processes_of(var), {})

@@ -281,8 +281,8 @@ class EndedLaneTest(LaneTest):
 
 
 class SelfTestTest(LaneTest):
-    def judge(self, program, *arguments, seconds=10):
-        (self.folder / "deployment.yaml").write_text("name: test\n")
+    def judge(self, program, *arguments, seconds=10, deployment="name: test\n"):
+        (self.folder / "deployment.yaml").write_text(deployment)
         return self.run_lane("self-test", "--program", program, "--name", "probe", "--deployment", self.folder / "deployment.yaml", "--seconds", seconds, *arguments)
 
     def test_its_verdict_is_its_exit_code(self):
@@ -297,6 +297,15 @@ class SelfTestTest(LaneTest):
         self.assertEqual(code, 0)
         job = self.folder / "work/job"
         self.assertEqual(report["last_lines"], f"[--self-test][--name][probe][--deployment][{job}/deployment/deployment.yaml][--var][{job}/var][--domain][77]")
+
+    def test_it_finds_what_its_deployment_extends(self):
+        (self.folder / "other.yaml").write_text("name: test\n")
+        program = self.built('#include <fstream>\n#include <string>\nint main(int, char** v) {\n'
+                             '  return std::ifstream(std::string(v[5], std::string(v[5]).rfind(\'/\')) + "/other.yaml") ? 0 : 6;\n}')  # fmt: skip
+        self.assertEqual(self.judge(program, deployment="extends: other\n")[1]["outcome"], "passed")
+        code, report = self.judge(program, deployment="extends: nothing\n")
+        self.assertEqual(code, 2)
+        self.assertIn("'extends'", report["reason"])
 
     def test_crashes_and_hangs(self):
         code, report = self.judge(self.built("int main() { __builtin_trap(); }"))

@@ -21,9 +21,10 @@ import yaml
 
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[1] / "system"))
 
-from support import BIN, DEADLINE_S, PAYLOADS, ROOT, wait_until  # noqa: E402  (found through the path above)
+from support import BIN, DEADLINE_S, PAYLOADS, wait_until  # noqa: E402  (found through the path above)
 
 import can_frames  # noqa: E402  (found through support)
+import deployments  # noqa: E402
 import mission  # noqa: E402
 from rotation import Rotation  # noqa: E402
 
@@ -90,7 +91,7 @@ class Flight:
     def write_deployments(self, nodes, simulator):
         """Writes vcan.yaml for this interface. The nodes use the kernel's pulses if it has a pulse device, and a board's priorities if it is a
         real-time kernel."""
-        deployment = yaml.safe_load((ROOT / "launch_config" / "vcan.yaml").read_text())
+        deployment = deployments.read("vcan")
         deployment["devices"]["can"] = f"socketcan:{self.interface}"
         simulator.write_text(yaml.safe_dump(deployment, sort_keys=False))
         if self.pulse_device:

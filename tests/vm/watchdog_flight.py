@@ -12,7 +12,6 @@ import collections
 import json
 import os
 import pathlib
-import re
 import signal
 import subprocess
 import sys
@@ -21,9 +20,10 @@ import time
 
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[1] / "system"))
 
-from support import BIN, DEADLINE_S, NODES, ROOT  # noqa: E402  (found through the path above)
+from support import BIN, DEADLINE_S, NODES  # noqa: E402  (found through the path above)
 
-import mission  # noqa: E402  (found through support)
+import deployments  # noqa: E402  (found through support)
+import mission  # noqa: E402
 
 KEPT = pathlib.Path("/run/vm/kept")
 TIMEOUT_S = 20  # starts and discovery take seconds on an emulated processor
@@ -51,15 +51,13 @@ def prepare(driver, folder):
     (var / "state").mkdir(parents=True)
     (KEPT / "boot").mkdir(exist_ok=True)
     (var / "state" / "boot").symlink_to(KEPT / "boot")
-    text = (ROOT / "launch_config" / "vcan.yaml").read_text()
-    text = text.replace("sim:run/watchdog.sock", "dev:/dev/watchdog0")
-    text, changed = re.subn(r"watchdog_timeout_s: \d+", f"watchdog_timeout_s: {TIMEOUT_S}", text)
-    assert changed == 1
     # Only the watchdog is under test. Without the ring, its time-out need not be longer than a recovery by the ring.
-    text = re.sub(r"^ring:.*?(?=^\S)", "", text, flags=re.MULTILINE | re.DOTALL)
-    deployment = folder / "vcan.yaml"
-    deployment.write_text(text)
-    return var, deployment
+    deployment = deployments.read("vcan")
+    assert "ring" not in deployment
+    deployment["devices"]["watchdog"] = "dev:/dev/watchdog0"
+    (timing,) = (node for node in deployment["nodes"] if node["name"] == "timing")
+    timing["parameters"]["watchdog_timeout_s"] = TIMEOUT_S
+    return var, deployments.write(deployment, folder / "vcan.yaml")
 
 
 def show_logs(var):

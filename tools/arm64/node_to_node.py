@@ -24,7 +24,8 @@ import yaml
 ROOT = pathlib.Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(ROOT / "tools/demo"))
 
-import mission  # noqa: E402  (found through the path above)
+import deployments  # noqa: E402  (found through the path above)
+import mission  # noqa: E402
 
 EMULATOR = "qemu-aarch64-static"
 NODES = ("timing", "can_switcher", "payload_eps")
@@ -35,7 +36,7 @@ WANTED = 5  # slots in which it was sent
 
 def deployment_text():
     """vcan.yaml, whose times fit an emulated processor, on the simulated bus, with three of its nodes."""
-    deployment = yaml.safe_load((ROOT / "launch_config/vcan.yaml").read_text())
+    deployment = deployments.read("vcan")
     deployment["devices"]["can"] = "sim:run/can_hub.sock"
     deployment["nodes"] = [node for node in deployment["nodes"] if node["name"] in NODES]
     deployment["slots"] = [slot for slot in deployment["slots"] if slot["payload"] in NODES]

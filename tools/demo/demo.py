@@ -12,6 +12,7 @@ import sys
 import time
 
 import can_frames
+import deployments
 import mission
 from display import Display, table
 from lateness import LATE_S, Lateness, Waiting, describe_lateness, describe_waiting, waited_ns
@@ -343,7 +344,7 @@ class Demo:
     def begin_picture(self):
         """A task that is captured, processed and sent down beside everything else; show_picture() looks what became of it."""
         self.picture_line = None
-        if not self.has_lane() or "\n  camera:" not in self.flight.deployment.read_text():
+        if not self.has_lane() or "camera" not in deployments.read(self.flight.deployment)["devices"]:
             return  # this deployment takes no pictures
         self.display.step("A picture: frames of the sky, searched for debris on board while the rest goes on")
         self.picture_task = int(time.time())  # a new one, also in a folder that has flown before

@@ -7,11 +7,10 @@ import sys
 import tempfile
 import unittest
 
-import yaml
-
 ROOT = pathlib.Path(__file__).resolve().parents[3]
 sys.path[:0] = [str(ROOT / "tests/campaign"), str(ROOT / "tools/demo")]
 
+import deployments  # noqa: E402
 import faults  # noqa: E402
 
 
@@ -21,10 +20,10 @@ class Deployment(unittest.TestCase):
             folder = pathlib.Path(folder)
             for name in ("sim", "fencing"):
                 base = ROOT / "launch_config" / f"{name}.yaml"
-                self.assertIn("background: true", base.read_text())
+                self.assertTrue(any(node["scheduling"].get("background") for node in deployments.read(base)["nodes"]))
                 wrappers = faults.Wrappers(folder / "bin", folder, folder / "none.so")
                 file = wrappers.deployment(base, folder / "deployment.yaml", realtime=True)
-                for node in yaml.safe_load(file.read_text())["nodes"]:
+                for node in deployments.read(file)["nodes"]:
                     self.assertEqual(node["scheduling"], {"policy": "fifo", "priority": faults.NODE_PRIORITY, "cpus": []}, f"{name}: {node['name']}")
 
 

@@ -7,12 +7,15 @@ For command lines of the programs, see tests/system/test_documented_commands.py.
 
 import re
 import subprocess
+import sys
 import unittest
 from pathlib import Path
 
-import yaml
-
 ROOT = Path(__file__).resolve().parents[3]
+sys.path.insert(0, str(ROOT / "tools/demo"))
+
+import deployments  # noqa: E402
+
 TOP = ("docs", "lib", "nodes", "programs", "tests", "tools", "ground", "hw_sim", "msgs", "launch_config", "packaging", "examples", "cmake")
 # Folders of a running deployment (VAR) and of an installation whose names begin like folders of the tree.
 NOT_OURS = re.compile(r"^(ground/(files|uplink\.json|package_test\.seed)|lib/(systemd|modules)|docs/how-to/yamcs/(mdb|etc/(events|tc_uplink)))")
@@ -190,8 +193,7 @@ class Architecture(unittest.TestCase):
         self.assertEqual(self.table("Logic that uses the disk"), expected)
 
     def test_says_where_the_ring_is_on(self):
-        deployments = {p.stem: "ring" in yaml.safe_load(p.read_text()) for p in (ROOT / "launch_config").glob("*.yaml")}
-        on = sorted(name for name, ring in deployments.items() if ring)
+        on = sorted(file.stem for file in deployments.FOLDER.glob("*.yaml") if "ring" in deployments.read(file))
 
         def named(pattern, text):
             return re.findall(r"`(\w+)`", re.search(pattern, text, re.S).group(1))

@@ -19,8 +19,9 @@ import yaml
 HERE = pathlib.Path(__file__).resolve().parent
 ROOT = HERE.parents[3]
 GENERATOR = ROOT / "msgs/generator"
-sys.path[:0] = [str(HERE), str(GENERATOR)]
+sys.path[:0] = [str(HERE), str(GENERATOR), str(ROOT / "tools/demo")]
 
+import deployments  # noqa: E402
 from mission_dictionary import linear, load, snake  # noqa: E402
 from mission_xtce import with_fields_in_place  # noqa: E402
 from xtce_interpreter import Database, Refused, child, children  # noqa: E402
@@ -298,7 +299,7 @@ class YamcsConfigurationTest(unittest.TestCase):
         cls.server = yaml.safe_load((folder / "yamcs.yaml").read_text())
         cls.processor = yaml.safe_load((folder / "processor.yaml").read_text())
         cls.links = {link["name"]: link for link in cls.instance["dataLinks"]}
-        cls.deployment = yaml.safe_load((ROOT / "launch_config/sim_open.yaml").read_text())["link"]
+        cls.deployment = deployments.read("sim_open")["link"]
 
     def test_the_instance_is_started(self):
         self.assertEqual(self.server["instances"], ["srfs"])
