@@ -35,11 +35,23 @@ ResetCause BootRecorder::cause_of(const std::optional<wire::BootRecord>& before,
   return facts.reset_by_watchdog ? ResetCause::power_on : ResetCause::unknown;
 }
 
-void BootRecorder::on_feeding(bool fed, MonotonicTime now, std::optional<UtcTime> utc) {
+BootActions BootRecorder::begin() {
+  BootActions actions;
+  if (new_boot_) actions.emplace_back(ReportBoot{record_.count, cause()});
+  for (BootAction& action : save()) actions.push_back(std::move(action));
+  return actions;
+}
+
+BootActions BootRecorder::on_feeding(bool fed, MonotonicTime now, std::optional<UtcTime> utc) {
+  note_feeding(fed, now, utc);
+  return save();
+}
+
+void BootRecorder::note_feeding(bool fed, MonotonicTime now, std::optional<UtcTime> utc) {
   if (!fed) {
     fed_since_.reset();
     if (!not_fed_since_) not_fed_since_ = now;
-    if (!record_.withheld && now - *not_fed_since_ >= settings_.withheld_after) on_feeding_ended();
+    if (!record_.withheld && now - *not_fed_since_ >= settings_.withheld_after) withhold();
     return;
   }
   not_fed_since_.reset();
@@ -58,21 +70,27 @@ void BootRecorder::on_feeding(bool fed, MonotonicTime now, std::optional<UtcTime
   change();
 }
 
-void BootRecorder::on_feeding_ended() {
+void BootRecorder::withhold() {
   if (record_.withheld) return;
   record_.withheld = true;
   change();
 }
 
-void BootRecorder::on_end() {
+BootActions BootRecorder::on_feeding_ended() {
+  withhold();
+  return save();
+}
+
+BootActions BootRecorder::on_end() {
   record_.ended = true;
   record_.withheld = false;  // what happens to the watchdog from here on was asked for
   change();
+  return save();
 }
 
-std::optional<wire::BootRecord> BootRecorder::take_unwritten() {
-  if (!std::exchange(unwritten_, false)) return std::nullopt;
-  return record_;
+BootActions BootRecorder::save() {
+  if (!std::exchange(unwritten_, false)) return {};
+  return {SaveBootRecord{record_}};
 }
 
 void BootRecorder::change() {

@@ -2,8 +2,11 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <cstdint>
 #include <optional>
 #include <string>
+#include <variant>
+#include <vector>
 
 #include <mission/structures.hpp>
 
@@ -18,6 +21,21 @@ struct BootFacts {
   std::optional<bool> reset_by_watchdog;  ///< as the watchdog reports; nullopt: it cannot
 };
 
+// What the recorder decides; carried out by the adapter in the given order.
+
+/// This process is the first of a new boot.
+struct ReportBoot {
+  std::uint32_t count = 0;
+  mission::ResetCause cause = mission::ResetCause::unknown;
+};
+/// Write the record. If that does not work, call on_write_failed().
+struct SaveBootRecord {
+  wire::BootRecord record;
+};
+
+using BootAction = std::variant<ReportBoot, SaveBootRecord>;
+using BootActions = std::vector<BootAction>;
+
 /// Keeps the boot record: whether this is a new boot and why, and when it became healthy. Pure; one thread.
 class BootRecorder {
  public:
@@ -29,27 +47,27 @@ class BootRecorder {
   /// @param before  what stands on disk; nullopt: nothing
   BootRecorder(const std::optional<wire::BootRecord>& before, const BootFacts& facts, Settings settings);
 
-  /// Another boot than the one of the record found.
-  [[nodiscard]] bool is_new_boot() const { return new_boot_; }
+  /// Once.
+  [[nodiscard]] BootActions begin();
   [[nodiscard]] const wire::BootRecord& record() const { return record_; }
   [[nodiscard]] mission::ResetCause cause() const {
     return static_cast<mission::ResetCause>(record_.reset_cause);
   }
 
   /// The watchdog was due. @param utc  now; nullopt while the time is not valid
-  void on_feeding(bool fed, MonotonicTime now, std::optional<UtcTime> utc);
+  [[nodiscard]] BootActions on_feeding(bool fed, MonotonicTime now, std::optional<UtcTime> utc);
   /// The watchdog is not fed from now on.
-  void on_feeding_ended();
+  [[nodiscard]] BootActions on_feeding_ended();
   /// The node ends because it was asked to.
-  void on_end();
-
-  /// The record, when it is not on disk as it is: to be written now. Once a change.
-  [[nodiscard]] std::optional<wire::BootRecord> take_unwritten();
-  /// The write did not work: take_unwritten gives the record again.
+  [[nodiscard]] BootActions on_end();
+  /// The record is written again with the next call.
   void on_write_failed() { unwritten_ = true; }
 
  private:
   void change();
+  void withhold();
+  void note_feeding(bool fed, MonotonicTime now, std::optional<UtcTime> utc);
+  [[nodiscard]] BootActions save();
   [[nodiscard]] static mission::ResetCause cause_of(const std::optional<wire::BootRecord>& before,
                                                     const BootFacts& facts);
 

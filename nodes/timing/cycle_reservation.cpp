@@ -84,16 +84,16 @@ CarriedTime carry_on(const TimingRecord& record, const std::string& boot_id, Mon
           .drift_ppm = record.drift_ppm};
 }
 
-std::optional<MissionCycle> CycleReservation::wanted(MissionCycle next) {
-  if (writing_ || next + margin < stored_) return std::nullopt;
+ReservationActions CycleReservation::reserve(MissionCycle next) {
+  if (writing_ || next + margin < stored_) return {};
   writing_ = true;
-  return next + step;
+  return {SaveCycles{next + step}};
 }
 
-std::optional<MissionCycle> CycleReservation::renewed() {
-  if (writing_) return std::nullopt;
+ReservationActions CycleReservation::renew() {
+  if (writing_) return {};
   writing_ = true;
-  return stored_;
+  return {SaveCycles{stored_}};
 }
 
 void CycleReservation::on_written(MissionCycle ceiling, bool ok) {

@@ -5,6 +5,8 @@
 #include <cstdint>
 #include <optional>
 #include <string>
+#include <variant>
+#include <vector>
 
 #include "base/result.hpp"
 #include "base/time.hpp"
@@ -38,6 +40,14 @@ struct CarriedTime {
 [[nodiscard]] std::string encode_timing_record(const TimingRecord& record);
 [[nodiscard]] Result<TimingRecord, TimingRecordError> decode_timing_record(const std::string& text);
 
+/// Write the timing record with this ceiling and the present time. Answer with on_written().
+struct SaveCycles {
+  MissionCycle ceiling = 0;
+};
+/// What the reservation decides; carried out by the adapter.
+using ReservationAction = std::variant<SaveCycles>;
+using ReservationActions = std::vector<ReservationAction>;
+
 /// Sees to it that a restarted timing node never repeats a cycle, with one write per `step` cycles: cycles
 /// below the stored ceiling may be published, and a restart begins at the ceiling (so at most `step` cycles
 /// are lost). Pure.
@@ -51,14 +61,11 @@ class CycleReservation {
   explicit CycleReservation(MissionCycle stored) : first_(stored), stored_(stored) {}
 
   [[nodiscard]] MissionCycle first_cycle() const { return first_; }
-  /// @param next  the next cycle to be published
-  /// @return the ceiling to write now; nullopt: nothing to do. Until on_written() the same is not asked for
-  /// again.
-  [[nodiscard]] std::optional<MissionCycle> wanted(MissionCycle next);
-  /// The stored ceiling, to write it again with the present time; nullopt while a write runs. Answer with
-  /// on_written().
-  [[nodiscard]] std::optional<MissionCycle> renewed();
-  /// Outcome of the write. After a failure the next wanted() asks again.
+  /// One write at a time. @param next  the next cycle to be published
+  [[nodiscard]] ReservationActions reserve(MissionCycle next);
+  /// Writes the stored ceiling again with the present time, unless a write runs.
+  [[nodiscard]] ReservationActions renew();
+  /// Outcome of the write. After a failure the next reserve() asks again.
   void on_written(MissionCycle ceiling, bool ok);
   /// Counts a published cycle that no stored ceiling covers: the disk fails, and the tick goes on all the
   /// same.

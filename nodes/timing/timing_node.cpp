@@ -23,7 +23,6 @@ constexpr nanoseconds housekeeping_period = seconds(1);
 constexpr nanoseconds feed_period = seconds(1);
 constexpr nanoseconds save_period = seconds(60);
 constexpr nanoseconds discipline_period = seconds(1);
-constexpr std::uint64_t refused_jumps_per_event = 60;  // one event a minute while the receiver insists
 
 }  // namespace
 
@@ -92,15 +91,11 @@ void TimingNode::on_parameter_changed(const std::string& parameter) {
 }
 
 void TimingNode::start_feeding() {
-  feeding_.emplace(tick_period(), milliseconds(get_parameter<std::int64_t>("late_tick_ms")));
-  for (const WatchdogEvidence& evidence : evidence_) feeding_->add_evidence(evidence);
+  const milliseconds late_tick(get_parameter<std::int64_t>("late_tick_ms"));
+  if (feeding_) return feeding_->change_tick(tick_period(), late_tick);
+  feeding_.emplace(tick_period(), late_tick);
   if (!critical_) return;
   for (WatchdogEvidence& evidence : critical_->evidence()) feeding_->add_evidence(std::move(evidence));
-}
-
-void TimingNode::add_watchdog_evidence(WatchdogEvidence evidence) {
-  evidence_.push_back(evidence);
-  if (feeding_) feeding_->add_evidence(std::move(evidence));
 }
 
 // ---------------------------------------------------------------- lifecycle
@@ -138,12 +133,7 @@ CallbackReturn TimingNode::on_configure() {
     next_cycle_ = reservation_->first_cycle();
   }
   // The first reservation is on disk before the first tick.
-  if (const auto ceiling = reservation_->wanted(next_cycle_)) {
-    const auto written = store_.save(record_now(*ceiling));
-    if (!written)
-      log::error("cannot save the cycle number, it may repeat after a restart: {}", written.error().message);
-    reservation_->on_written(*ceiling, written.has_value());
-  }
+  run(reservation_->reserve(next_cycle_));
 
   worker_ = create_worker("records", 4);
   open_commanding();
@@ -155,9 +145,9 @@ CallbackReturn TimingNode::on_configure() {
   housekeeping_timer_ = create_timer(
       housekeeping_period, [this] { publish_housekeeping(); }, "housekeeping");
   save_timer_ = create_timer(
-      save_period, [this] { save_time(); }, "save time");
+      save_period, [this] { run(reservation_->renew()); }, "save time");
   discipline_timer_ = create_timer(
-      discipline_period, [this] { discipline(); }, "discipline");
+      discipline_period, [this] { run(timekeeper_->on_time_passing(monotonic_now())); }, "discipline");
   set_time_ = create_service<srfs_msgs::srv::SetTime>(
       "~/set_time", [this](const auto& request, auto& response) { on_set_time(request, response); });
   return CallbackReturn::success;
@@ -167,7 +157,7 @@ void TimingNode::start_clock(const TimingRecord& record) {
   const MonotonicTime t = monotonic_now();
   const CarriedTime carried = carry_on(record, boot_id_, t);
   ClockStart start{carried.utc, carried.valid, carried.error, carried.drift_ppm};
-  time_.reset();
+  timekeeper_.reset();
   system_clock_ = nullptr;
   if (get_parameter<std::string>("clock") == "system") {
     kernel_ = hw::open_kernel_clock();
@@ -183,7 +173,7 @@ void TimingNode::start_clock(const TimingRecord& record) {
   } else {
     clock_ = std::make_unique<MissionClock>(start.utc, t);
   }
-  time_.emplace(clock_settings(), start, t, *clock_);
+  timekeeper_.emplace(clock_settings(), start, t, *clock_);
 }
 
 Result<void, std::string> TimingNode::prepare_critical_watch() {
@@ -239,10 +229,7 @@ CallbackReturn TimingNode::on_deactivate() {
   }
   ticks_.reset();
   watchdog_.reset();  // stays armed: a spacecraft without a tick is to be restarted
-  if (boot_) {
-    boot_->on_feeding_ended();
-    save_boot_record();
-  }
+  if (boot_) run(boot_->on_feeding_ended());
   return CallbackReturn::success;
 }
 
@@ -270,8 +257,7 @@ CallbackReturn TimingNode::on_cleanup() {
 
 CallbackReturn TimingNode::on_shutdown() {
   on_deactivate();
-  if (boot_) boot_->on_end();
-  save_boot_record();
+  if (boot_) run(boot_->on_end());
   close();
   return CallbackReturn::success;
 }
@@ -306,13 +292,13 @@ void TimingNode::arm_tick() {
 
 void TimingNode::on_tick_due() {
   const MonotonicTime t = monotonic_now();
-  if (const auto grid = time_->pulse_clock().grid()) ticks_->follow(*grid);
+  if (const auto grid = time().pulse_clock().grid()) ticks_->follow(*grid);
   const auto tick = ticks_->on_wakeup(t);
   if (tick) publish(*tick);
   arm_tick();
   if (!tick) return;
   feeding_->on_tick(tick->late, waited_since_last_tick(), t);
-  reserve_cycles();
+  run(reservation_->reserve(ticks_->next_cycle()));
 }
 
 /// For a CPU, by this thread.
@@ -326,8 +312,8 @@ nanoseconds TimingNode::waited_since_last_tick() {
 void TimingNode::publish(const Tick& tick) {
   srfs_msgs::msg::TimeTick m;
   m.cycle = tick.cycle;
-  m.utc = ros::to_message(time_->utc_at(tick.due));
-  const PulseClock& pulses = time_->pulse_clock();
+  m.utc = ros::to_message(time().utc_at(tick.due));
+  const PulseClock& pulses = time().pulse_clock();
   m.time_valid = pulses.time_valid();
   m.monotonic_ns = static_cast<std::uint64_t>(tick.due.ns());
   m.sync_state = static_cast<std::uint8_t>(pulses.state());
@@ -344,62 +330,35 @@ void TimingNode::publish(const Tick& tick) {
   max_lateness_ = std::max(max_lateness_, tick.late);
 }
 
-void TimingNode::reserve_cycles() {
-  if (const auto ceiling = reservation_->wanted(ticks_->next_cycle())) save(*ceiling);
-}
-
 TimingRecord TimingNode::record_now(MissionCycle ceiling) const {
   const MonotonicTime t = monotonic_now();
-  const PulseClock& pulses = time_->pulse_clock();
-  TimingRecord record{ceiling, time_->utc_at(t), t, boot_id_, pulses.time_valid(), estimated_error(t)};
+  const PulseClock& pulses = time().pulse_clock();
+  TimingRecord record{ceiling, time().utc_at(t), t, boot_id_, pulses.time_valid(), estimated_error(t)};
   if (pulses.drift_known()) record.drift_ppm = pulses.drift_ppm();
   return record;
 }
 
-void TimingNode::save_time() {
-  if (const auto ceiling = reservation_->renewed()) save(*ceiling);
-}
-
-void TimingNode::save(MissionCycle ceiling) {
-  const TimingRecord record = record_now(ceiling);
-  const bool taken = worker_->ask(
-      [this, record] {
-        const auto written = store_.save(record);
-        if (!written)
-          log::error("cannot save the cycle number, it may repeat after a restart: {}",
-                     written.error().message);
-        return written.has_value();
-      },
-      [this, ceiling](bool ok) { reservation_->on_written(ceiling, ok); });
-  if (!taken) reservation_->on_written(ceiling, false);
+void TimingNode::carry_out(const SaveCycles& action) {
+  const auto save = [this, record = record_now(action.ceiling)] {
+    const auto written = store_.save(record);
+    if (!written)
+      log::error("cannot save the cycle number, it may repeat after a restart: {}", written.error().message);
+    return written.has_value();
+  };
+  const auto on_saved = [this, ceiling = action.ceiling](bool ok) { reservation_->on_written(ceiling, ok); };
+  if (!worker_) return on_saved(save());  // before the first tick
+  if (!worker_->ask(save, on_saved)) on_saved(false);
 }
 
 // ---------------------------------------------------------------- GPS
 
 nanoseconds TimingNode::estimated_error(MonotonicTime t) const {
-  return std::min(time_->error_at(t).value_or(largest_error), largest_error);
-}
-
-void TimingNode::discipline() {
-  time_->on_time_passing(monotonic_now());
-  report_sync_change();
+  return std::min(time().error_at(t).value_or(largest_error), largest_error);
 }
 
 void TimingNode::on_pulse_input() {
-  while (const auto pulse = pulse_->read()) take_pulse(*pulse);
-  report_sync_change();
-}
-
-void TimingNode::take_pulse(const hw::Pulse& pulse) {
-  const MonotonicTime t = monotonic_now();
-  if (pulse.edge > t) return;  // no edge can be in the future; it would shut out all true ones
-  const UtcTime before = time_->pulse_clock().utc_at(pulse.edge);
-  last_pulse_ = pulse.edge;
-  if (time_->on_pulse(pulse.edge, t) != PulseVerdict::adopted) return;
-  const double moved_us =
-      static_cast<double>((time_->pulse_clock().utc_at(pulse.edge) - before).count()) * 1e-3;
-  log::warn("GPS pulse moved by {:.0f} us, re-locked", moved_us);
-  raise(mission::TimingPulseMovedEvent{.moved_us = moved_us});
+  while (const auto pulse = pulse_->read()) run(timekeeper_->on_pulse(pulse->edge, monotonic_now()));
+  run(timekeeper_->review_state(monotonic_now()));
 }
 
 void TimingNode::on_serial_input() {
@@ -413,30 +372,44 @@ void TimingNode::on_serial_input() {
   if (!count || *count == 0) return;
   const MonotonicTime received = monotonic_now();
   for (const wire::GnssTime& time : gnss_.push(OctetView(buffer).first(*count)))
-    take_time_of_day(time, received);
+    run(timekeeper_->on_time_of_day(time, received));
 }
 
-void TimingNode::take_time_of_day(const wire::GnssTime& time, MonotonicTime received) {
-  switch (time_->on_time_of_day(time, received)) {
-    case TimeOfDayVerdict::set:
-    case TimeOfDayVerdict::corrected:
-      report_time_set(time_->pulse_clock().utc_at(received));
-      break;
-    case TimeOfDayVerdict::jump_refused: {
-      if (time_->pulse_clock().counters().jumps_refused % refused_jumps_per_event != 1) break;
-      const nanoseconds difference = time_->pulse_clock().refused_jump();
-      log::warn("time of day differs by {} s, ignored", difference / seconds(1));
-      raise(mission::TimingTimeJumpRefusedEvent{.difference_s =
-                                                    static_cast<double>(difference.count()) * 1e-9});
-      break;
-    }
-    case TimeOfDayVerdict::agrees:
-    case TimeOfDayVerdict::waiting:
-    case TimeOfDayVerdict::implausible:
-    case TimeOfDayVerdict::no_pulse:
-    case TimeOfDayVerdict::not_a_second:
-      break;
-  }
+void TimingNode::carry_out(const ReportPulseMoved& action) {
+  log::warn("GPS pulse moved by {:.0f} us, re-locked", action.moved_us);
+  raise(mission::TimingPulseMovedEvent{.moved_us = action.moved_us});
+}
+
+void TimingNode::carry_out(const ReportTimeSet& action) {
+  log::info("time set to {}", to_iso8601(action.utc));
+  raise(mission::TimingTimeSetEvent{
+      .utc = to_tai(action.utc, static_cast<int>(get_parameter<std::int64_t>("leap_seconds")))});
+  run(reservation_->renew());
+}
+
+void TimingNode::carry_out(const ReportJumpRefused& action) {
+  log::warn("time of day differs by {} s, ignored", action.difference / seconds(1));
+  raise(mission::TimingTimeJumpRefusedEvent{.difference_s =
+                                                static_cast<double>(action.difference.count()) * 1e-9});
+}
+
+void TimingNode::carry_out(const ReportTimeRejected& action) {
+  log::warn("time {} rejected: {}", to_iso8601(action.utc),
+            action.why == SetTimeVerdict::implausible
+                ? "implausible"
+                : "it differs by more than time_jump_limit_s, and no step was allowed");
+}
+
+void TimingNode::carry_out(const ReportLocked& action) {
+  const auto offset_us = static_cast<float>(action.offset.count()) * 1e-3F;
+  log::info("locked to the GPS pulse, offset {:.1f} us, drift {:.2f} ppm", offset_us, action.drift_ppm);
+  raise(mission::TimingLockedEvent{.offset_us = offset_us});
+}
+
+void TimingNode::carry_out(const ReportHoldover& action) {
+  log::warn("no GPS pulse for {} ms, holdover", action.silent / milliseconds(1));
+  raise(mission::TimingHoldoverEvent{
+      .silent_ms = as_u32(static_cast<std::uint64_t>(action.silent / milliseconds(1)))});
 }
 
 void TimingNode::on_set_time(const srfs_msgs::srv::SetTime::Request& request,
@@ -452,21 +425,14 @@ void TimingNode::on_set_time(const srfs_msgs::srv::SetTime::Request& request,
       .allow_jump = request.allow_jump};
   const SetTimeVerdict verdict = set_time(command);
   response.outcome = static_cast<std::uint8_t>(verdict);
-  if (verdict != SetTimeVerdict::implausible) response.difference_ns = time_->commanded_difference().count();
+  if (verdict != SetTimeVerdict::implausible) response.difference_ns = time().commanded_difference().count();
 }
 
 SetTimeVerdict TimingNode::set_time(const TimeCommand& command) {
-  const SetTimeVerdict verdict = time_->set_time(command, monotonic_now());
-  if (verdict == SetTimeVerdict::stepped || verdict == SetTimeVerdict::slewed) {
-    ++times_commanded_;
-    report_time_set(command.utc);
-  } else {
-    log::warn("time {} rejected: {}", to_iso8601(command.utc),
-              verdict == SetTimeVerdict::implausible
-                  ? "implausible"
-                  : "it differs by more than time_jump_limit_s, and no step was allowed");
-  }
-  return verdict;
+  Timekeeper::SetTime set = timekeeper_->set_time(command, monotonic_now());
+  if (set.is_set()) ++times_commanded_;
+  run(std::move(set.actions));
+  return set.verdict;
 }
 
 FailureCode TimingNode::check(std::uint16_t function, OctetView arguments) const {
@@ -499,29 +465,6 @@ void TimingNode::execute(const StoredTelecommand& telecommand) {
   }
 }
 
-void TimingNode::report_time_set(UtcTime utc) {
-  log::info("time set to {}", to_iso8601(utc));
-  raise(mission::TimingTimeSetEvent{
-      .utc = to_tai(utc, static_cast<int>(get_parameter<std::int64_t>("leap_seconds")))});
-  save_time();
-}
-
-void TimingNode::report_sync_change() {
-  const PulseClock& pulses = time_->pulse_clock();
-  if (pulses.state() == reported_state_) return;
-  reported_state_ = pulses.state();
-  if (reported_state_ == mission::SyncState::locked) {
-    const auto offset_us = static_cast<float>(pulses.offset().count()) * 1e-3F;
-    log::info("locked to the GPS pulse, offset {:.1f} us, drift {:.2f} ppm", offset_us, pulses.drift_ppm());
-    raise(mission::TimingLockedEvent{.offset_us = offset_us});
-  } else if (reported_state_ == mission::SyncState::holdover) {
-    const nanoseconds silent = monotonic_now() - last_pulse_;
-    log::warn("no GPS pulse for {} ms, holdover", silent / milliseconds(1));
-    raise(mission::TimingHoldoverEvent{.silent_ms =
-                                           as_u32(static_cast<std::uint64_t>(silent / milliseconds(1)))});
-  }
-}
-
 // ---------------------------------------------------------------- watchdog and housekeeping
 
 /// Whether this process is the first of a new boot, as soon as the watchdog could be asked.
@@ -542,59 +485,59 @@ void TimingNode::begin_boot() {
                 BootRecorder::Settings{
                     .healthy_after = seconds(get_parameter<std::int64_t>("healthy_after_s")),
                     .withheld_after = seconds(get_parameter<std::int64_t>("watchdog_timeout_s")) / 2});
-  if (boot_->is_new_boot()) {
-    const wire::BootRecord& record = boot_->record();
-    log::info("boot {}, reset cause {}", record.count, mission::to_text(boot_->cause()));
-    raise(mission::TimingBootEvent{.count = record.count, .cause = boot_->cause()});
-  }
-  save_boot_record();
+  run(boot_->begin());
 }
 
-void TimingNode::save_boot_record() {
-  if (!boot_) return;
-  const auto record = boot_->take_unwritten();
-  if (!record) return;
-  const auto write = [this](const wire::BootRecord& r) {
-    const auto written = boot_store_.save(r);
+void TimingNode::carry_out(const ReportBoot& action) {
+  log::info("boot {}, reset cause {}", action.count, mission::to_text(action.cause));
+  raise(mission::TimingBootEvent{.count = action.count, .cause = action.cause});
+}
+
+void TimingNode::carry_out(const SaveBootRecord& action) {
+  const auto save = [this, record = action.record] {
+    const auto written = boot_store_.save(record);
     if (!written) log::error("cannot save the boot record: {}", written.error().message);
     return written.has_value();
   };
-  if (!worker_) {  // at the end
-    (void)write(*record);
-    return;
-  }
-  const bool taken = worker_->ask([write, r = *record] { return write(r); },
-                                  [this](bool ok) {
-                                    if (!ok) boot_->on_write_failed();
-                                  });
-  if (!taken) boot_->on_write_failed();
+  const auto on_saved = [this](bool ok) {
+    if (!ok) boot_->on_write_failed();
+  };
+  if (!worker_) return on_saved(save());  // at the end
+  if (!worker_->ask(save, on_saved)) on_saved(false);
 }
 
 void TimingNode::feed_watchdog() {
   if (critical_) critical_->ask(monotonic_now(), [this](const std::string& node) { return pid_of(node); });
-  const auto missing = feeding_->missing(monotonic_now());
-  const auto utc =
-      time_->pulse_clock().time_valid() ? std::optional(time_->utc_at(monotonic_now())) : std::nullopt;
-  boot_->on_feeding(!missing, monotonic_now(), utc);
-  save_boot_record();
-  if (!missing) {
-    if (watchdog_->feed()) ++watchdog_feeds_;
-    last_missing_.clear();
-    return;
-  }
+  run(feeding_->on_due(monotonic_now()));
+}
+
+void TimingNode::note_feeding(bool fed) {
+  const MonotonicTime t = monotonic_now();
+  const bool valid = time().pulse_clock().time_valid();
+  run(boot_->on_feeding(fed, t, valid ? std::optional(time().utc_at(t)) : std::nullopt));
+}
+
+void TimingNode::carry_out(const FeedWatchdog& /*action*/) {
+  note_feeding(true);
+  if (watchdog_->feed()) ++watchdog_feeds_;
+}
+
+void TimingNode::carry_out(const WithholdWatchdog& /*action*/) {
+  note_feeding(false);
   ++watchdog_withheld_;
-  if (*missing == last_missing_) return;
-  last_missing_ = *missing;
-  log::error("watchdog not fed: {}", *missing);
-  raise(mission::TimingWatchdogWithheldEvent{.what = *missing});
+}
+
+void TimingNode::carry_out(const ReportWithheld& action) {
+  log::error("watchdog not fed: {}", action.what);
+  raise(mission::TimingWatchdogWithheldEvent{.what = action.what});
 }
 
 void TimingNode::publish_housekeeping() {
-  const PulseClock& pulses = time_->pulse_clock();
+  const PulseClock& pulses = time().pulse_clock();
   const PulseClock::Counters& clock = pulses.counters();
   const wire::GnssTimeStream::Counters& gnss = gnss_.counters();
   const MonotonicTime at = last_tick_ ? last_tick_->due : now();
-  const UtcTime utc = time_->utc_at(at);
+  const UtcTime utc = time().utc_at(at);
   mission::TimingHousekeeping hk;
   hk.cycle = last_tick_ ? last_tick_->cycle : next_cycle_;
   hk.ticks = ticks_published_;
@@ -612,7 +555,7 @@ void TimingNode::publish_housekeeping() {
   hk.week_rollovers = as_u32(clock.week_rollovers);
   hk.leap_seconds_seen = as_u32(gnss.leap_seconds);
   hk.gps_line_reopened = as_u32(pulse_->counters().reopened + serial_->counters().reopened);
-  hk.estimated_error_us = telemetered_error_us(time_->error_at(at));
+  hk.estimated_error_us = telemetered_error_us(time().error_at(at));
   hk.times_commanded = times_commanded_;
   hk.kernel_clock_refused = as_u32(system_clock_ ? system_clock_->refused() : 0);
   hk.watchdog_feeds = watchdog_feeds_;

@@ -2,6 +2,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "nodes/timing/boot_recorder.hpp"
 
+#include <random>
+
 #include <gtest/gtest.h>
 
 namespace srfs {
@@ -16,14 +18,29 @@ BootRecorder boot(const std::optional<wire::BootRecord>& before, const std::stri
   return {before, {id, by_watchdog}, settings};
 }
 
+/// The record that is to be written; nullopt: none is.
+std::optional<wire::BootRecord> saved(const BootActions& actions) {
+  for (const BootAction& action : actions) {
+    if (const auto* const save = std::get_if<SaveBootRecord>(&action)) return save->record;
+  }
+  return std::nullopt;
+}
+bool is_new_boot(const BootActions& actions) {
+  return !actions.empty() && std::holds_alternative<ReportBoot>(actions.front());
+}
+
 wire::BootRecord running(std::uint32_t count = 3) {
   return {.count = count, .boot_id = "a"};
 }
 
-/// Feeds each second from @p from for @p length.
-void feed(BootRecorder& recorder, seconds from, seconds length, std::optional<UtcTime> utc = std::nullopt) {
-  for (seconds t{0}; t <= length; ++t)
-    recorder.on_feeding(true, MonotonicTime(from + t), utc ? std::optional(*utc + t) : std::nullopt);
+/// Feeds each second from @p from for @p length. @return whether the record was to be written
+bool feed(BootRecorder& recorder, seconds from, seconds length, std::optional<UtcTime> utc = std::nullopt) {
+  bool is_saved = false;
+  for (seconds t{0}; t <= length; ++t) {
+    const auto at = utc ? std::optional(*utc + t) : std::nullopt;
+    if (saved(recorder.on_feeding(true, MonotonicTime(from + t), at))) is_saved = true;
+  }
+  return is_saved;
 }
 
 TEST(BootRecord, ReadsWhatItWrites) {
@@ -53,16 +70,17 @@ TEST(BootRecord, NoticesAnyChangedOctet) {
 
 TEST(BootRecorder, CountsBootsAndNotStartsOfTheNode) {
   BootRecorder first = boot(std::nullopt, "a");
-  EXPECT_TRUE(first.is_new_boot());
+  const BootActions began = first.begin();
+  EXPECT_TRUE(is_new_boot(began));
+  EXPECT_EQ(std::get<ReportBoot>(began[0]).cause, ResetCause::power_on);
   EXPECT_EQ(first.record().count, 1U);
   EXPECT_EQ(first.cause(), ResetCause::power_on);
 
-  BootRecorder restarted = boot(first.take_unwritten(), "a", true);
-  EXPECT_FALSE(restarted.is_new_boot());
+  BootRecorder restarted = boot(saved(began), "a", true);
+  EXPECT_TRUE(restarted.begin().empty()) << "no new boot, and nothing to write";
   EXPECT_EQ(restarted.record().count, 1U);
   EXPECT_EQ(restarted.cause(), ResetCause::power_on)
       << "the cause is that of the boot, not of the node's start";
-  EXPECT_FALSE(restarted.take_unwritten().has_value());
 
   EXPECT_EQ(boot(restarted.record(), "b").record().count, 2U);
 }
@@ -94,18 +112,16 @@ TEST(BootRecorder, FindsTheCauseInWhatTheWatchdogAndTheLastBootSay) {
 TEST(BootRecorder, CallsABootHealthyAfterItsTimeWithoutAGap) {
   const UtcTime noon(seconds(1795248000));
   BootRecorder recorder = boot(running(), "b", false);
-  ASSERT_TRUE(recorder.take_unwritten());
-  feed(recorder, seconds(100), seconds(59), noon);
+  ASSERT_TRUE(saved(recorder.begin()));
+  EXPECT_FALSE(feed(recorder, seconds(100), seconds(59), noon));
   EXPECT_FALSE(recorder.record().healthy);
-  recorder.on_feeding(false, MonotonicTime(seconds(160)), noon);
-  feed(recorder, seconds(161), seconds(59), noon + seconds(61));
+  EXPECT_TRUE(recorder.on_feeding(false, MonotonicTime(seconds(160)), noon).empty());
+  EXPECT_FALSE(feed(recorder, seconds(161), seconds(59), noon + seconds(61)));
   EXPECT_FALSE(recorder.record().healthy) << "it begins anew after a gap";
-  EXPECT_FALSE(recorder.take_unwritten());
 
-  feed(recorder, seconds(221), seconds(0), noon + seconds(121));
+  EXPECT_TRUE(feed(recorder, seconds(221), seconds(0), noon + seconds(121)));
   EXPECT_TRUE(recorder.record().healthy);
   EXPECT_EQ(recorder.record().healthy_since, noon + seconds(61));
-  EXPECT_TRUE(recorder.take_unwritten());
 }
 
 TEST(BootRecorder, DoesNotTakeTheTimeInWhichTheSuiteWasStoppedForHealthy) {
@@ -127,28 +143,66 @@ TEST(BootRecorder, CountsBootsInARowThatNeverBecameHealthy) {
 
 TEST(BootRecorder, NotesThatTheWatchdogIsNotFedBeforeItBites) {
   BootRecorder recorder = boot(running(), "b");
-  ASSERT_TRUE(recorder.take_unwritten());
-  recorder.on_feeding(false, MonotonicTime(seconds(10)), std::nullopt);
-  recorder.on_feeding(false, MonotonicTime(seconds(14)), std::nullopt);
-  EXPECT_FALSE(recorder.take_unwritten()) << "a start takes its time";
-  recorder.on_feeding(false, MonotonicTime(seconds(15)), std::nullopt);
+  const auto withhold = [&](int at_s) {
+    return saved(recorder.on_feeding(false, MonotonicTime(seconds(at_s)), std::nullopt)).has_value();
+  };
+  ASSERT_TRUE(saved(recorder.begin()));
+  EXPECT_FALSE(withhold(10));
+  EXPECT_FALSE(withhold(14)) << "a start takes its time";
+  EXPECT_TRUE(withhold(15));
   ASSERT_TRUE(recorder.record().withheld);
-  EXPECT_TRUE(recorder.take_unwritten());
-  EXPECT_FALSE(recorder.take_unwritten());
+  EXPECT_FALSE(withhold(16));
 
   recorder.on_write_failed();
-  EXPECT_TRUE(recorder.take_unwritten()) << "once more";
-  feed(recorder, seconds(16), seconds(0));
+  EXPECT_TRUE(withhold(17)) << "once more";
+  feed(recorder, seconds(18), seconds(0));
   EXPECT_FALSE(recorder.record().withheld);
 }
 
 TEST(BootRecorder, ForgetsTheEndOfTheNodeWhenItIsBackInTheSameBoot) {
   BootRecorder recorder = boot(running(), "b");
-  recorder.on_feeding_ended();
-  recorder.on_end();
+  EXPECT_TRUE(saved(recorder.on_feeding_ended()));
+  EXPECT_TRUE(saved(recorder.on_end()));
   const BootRecorder again = boot(recorder.record(), "b");
   EXPECT_FALSE(again.record().ended);
   EXPECT_FALSE(again.record().withheld);
+}
+
+TEST(BootRecorderProperties, KilledBeforeOrAfterAnyWriteEachBootIsCountedOnceWhileTheDiskWorks) {
+  std::mt19937 random(13);
+  for (int mission = 0; mission < 300; ++mission) {
+    std::optional<wire::BootRecord> disk;
+    std::uint32_t boots = 0;
+    for (int process = 0; process < 30; ++process) {
+      const bool new_boot = process == 0 || random() % 3 == 0;
+      if (new_boot) ++boots;
+      BootRecorder recorder = boot(disk, std::to_string(boots));
+      std::uint32_t reported = 0;
+      const auto carry_out = [&](const BootActions& actions, bool may_fail) {
+        for (const BootAction& action : actions) {
+          if (const auto* const report = std::get_if<ReportBoot>(&action)) reported = report->count;
+          const auto* const save = std::get_if<SaveBootRecord>(&action);
+          if (save == nullptr) continue;
+          if (may_fail && random() % 3 == 0) {
+            recorder.on_write_failed();
+          } else {
+            if (disk) {
+              ASSERT_GT(save->record.revision, disk->revision);
+            }
+            disk = save->record;
+          }
+        }
+      };
+      carry_out(recorder.begin(), false);
+      ASSERT_EQ(reported, new_boot ? boots : 0) << "reported once, by the first process of the boot";
+      ASSERT_EQ(recorder.record().count, boots);
+      const auto steps = random() % 100;
+      for (unsigned i = 0; i < steps; ++i)
+        carry_out(recorder.on_feeding(random() % 9 != 0, MonotonicTime(seconds(i)), std::nullopt), true);
+      if (random() % 2 == 0) carry_out(recorder.on_feeding_ended(), true);
+      if (random() % 4 == 0) carry_out(recorder.on_end(), true);
+    }
+  }
 }
 
 }  // namespace
