@@ -50,9 +50,9 @@ CanSwitcherNode::CanSwitcherNode(suite::NodeContext& context) : Node(context) {
     const auto& payloads = std::get<std::vector<std::string>>(value);
     for (const std::string& payload : payloads) {
       const auto& slots = deployment().slots;
-      const bool known =
-          !payload.empty() &&
-          std::any_of(slots.begin(), slots.end(), [&](const suite::Slot& s) { return s.payload == payload; });
+      const bool known = !payload.empty() && std::any_of(slots.begin(), slots.end(), [&](const suite::Slot& s) {
+        return s.payload == payload;
+      });
       if (!known) return Err(fmt::format("rotation_order: '{}' has no slot in the deployment", payload));
       if (std::count(payloads.begin(), payloads.end(), payload) > 1)
         return Err(fmt::format("rotation_order: '{}' appears twice", payload));
@@ -177,19 +177,6 @@ void CanSwitcherNode::open_bus() {
       BusListener::period, [this] { listen(); }, "can");
   if (!deployment().devices.contains("gpio")) return;
   gpio_worker_ = create_worker("gpio", 2 * hw::peripherals.size());
-  PowerCut::Hooks hooks;
-  hooks.open = [uri = device("gpio"), root = var().root]() -> std::unique_ptr<hw::GpioLines> {
-    auto lines = hw::open_gpio(uri, root);
-    if (!lines) log::error("{}", lines.error().message);
-    return lines ? std::move(*lines) : nullptr;
-  };
-  hooks.attended = [paths = var()](std::string_view payload) {
-    return suite::find_instance(paths, std::string(payload)).has_value();
-  };
-  hooks.done = [this](const hw::Peripheral& peripheral, std::optional<hw::GpioError> problem) {
-    report_power_cut(peripheral, problem);
-  };
-  power_cut_.emplace(*gpio_worker_, std::move(hooks));
 }
 
 void CanSwitcherNode::record_holder() {
@@ -226,7 +213,8 @@ void CanSwitcherNode::close() {
   listen_timer_.reset();
   drain_timer_.reset();
   if (gpio_worker_) gpio_worker_->drain();
-  power_cut_.reset();
+  power_lines_ = {};
+  power_cut_.close();
   gpio_worker_.reset();
   listener_.reset();
   deadline_timer_.reset();
@@ -592,26 +580,57 @@ void CanSwitcherNode::step_drain() {
 
 void CanSwitcherNode::listen() {
   listener_->listen();
-  if (!power_cut_) return;
+  if (!gpio_worker_) return;
   const auto attended = [this](std::string_view payload) {
     return suite::find_instance(var(), std::string(payload)).has_value();
   };
   for (const hw::Peripheral* peripheral : listener_->unattended().babbling(attended))
-    power_cut_->cut(*peripheral);
-  power_cut_->give_back();
+    run(power_cut_.cut(*peripheral));
+  run(power_cut_.give_back(attended));
 }
 
-void CanSwitcherNode::report_power_cut(const hw::Peripheral& peripheral,
-                                       std::optional<hw::GpioError> problem) {
-  if (!problem) {
-    ++peripherals_cut_;
-    log::error("the peripheral of {} babbles and its payload has no process: switched off",
-               peripheral.payload);
-    raise(mission::CanSwitcherPeripheralCutEvent{.payload = std::string(peripheral.payload)});
-  } else if (++failed_cuts_ % 100 == 1) {
-    log::error("the peripheral of {} babbles and cannot be switched off ({} tries): {}", peripheral.payload,
-               failed_cuts_, hw::to_string(*problem));
-  }
+void CanSwitcherNode::run(PowerActions actions) {
+  power_actions_.run(std::move(actions), [this](const PowerAction& action) {
+    std::visit([this](const auto& a) { carry_out(a); }, action);
+  });
+}
+
+void CanSwitcherNode::carry_out(const CutPower& action) {
+  using Set = std::optional<Result<void, hw::GpioError>>;
+  const bool taken = gpio_worker_->ask(
+      [paths = var(), uri = device("gpio"), &peripheral = *action.peripheral,
+       &lines = power_lines_.at(action.peripheral->power_line)]() -> Set {
+        if (suite::find_instance(paths, std::string(peripheral.payload))) return std::nullopt;
+        if (!lines) {
+          auto opened = hw::open_gpio(uri, paths.root);
+          if (!opened) {
+            log::error("{}", opened.error().message);
+            return Result<void, hw::GpioError>(Err(hw::GpioError::gone));
+          }
+          lines = std::move(*opened);
+        }
+        return lines->set_line(peripheral.power_line, false);
+      },
+      [this, &peripheral = *action.peripheral](const Set& set) { run(power_cut_.on_cut(peripheral, set)); });
+  if (!taken) power_cut_.on_refused(*action.peripheral);
+}
+
+void CanSwitcherNode::carry_out(const GiveBackLines& action) {
+  const bool taken =
+      gpio_worker_->post([&lines = power_lines_.at(action.peripheral->power_line)] { lines.reset(); },
+                         [this, &peripheral = *action.peripheral] { power_cut_.on_given_back(peripheral); });
+  if (!taken) power_cut_.on_refused(*action.peripheral);
+}
+
+void CanSwitcherNode::carry_out(const ReportPowerCut& action) {
+  log::error("the peripheral of {} babbles and its payload has no process: switched off",
+             action.peripheral->payload);
+  raise(mission::CanSwitcherPeripheralCutEvent{.payload = std::string(action.peripheral->payload)});
+}
+
+void CanSwitcherNode::carry_out(const ReportCutFailed& action) {
+  log::error("the peripheral of {} babbles and cannot be switched off ({} tries): {}",
+             action.peripheral->payload, action.tries, hw::to_string(action.why));
 }
 
 // ---------------------------------------------------------------- housekeeping
@@ -655,13 +674,12 @@ void CanSwitcherNode::publish_housekeeping() {
   hk.dds_malformed = static_cast<std::uint32_t>(malformed_samples());
   hk.events_suppressed = static_cast<std::uint32_t>(suppressed_events());
   hk.flags_withheld = counters.withdrawn;
-  hk.peripherals_cut = peripherals_cut_;
-  hk.power_cuts_failed = failed_cuts_;
+  hk.peripherals_cut = power_cut_.counters().cut;
+  hk.power_cuts_failed = power_cut_.counters().failed;
   hk.ticks_substituted = ticks.substitutes;
   hk.ticks_superseded = ticks.made;
   hk.tick_outages = ticks.outages;
-  publish_telemetry(
-      suite::telemetry_message(name(), hk, hk.cycle, time_.utc_at(now()), time_.valid(), now()));
+  publish_telemetry(suite::telemetry_message(name(), hk, hk.cycle, time_.utc_at(now()), time_.valid(), now()));
 }
 
 void CanSwitcherNode::publish_bus_statistics() {
@@ -702,8 +720,7 @@ void CanSwitcherNode::publish_bus_statistics() {
     }
     use.used = use.allotted = nanoseconds(0);
   }
-  publish_telemetry(
-      suite::telemetry_message(name(), hk, hk.cycle, time_.utc_at(now()), time_.valid(), now()));
+  publish_telemetry(suite::telemetry_message(name(), hk, hk.cycle, time_.utc_at(now()), time_.valid(), now()));
 }
 
 void CanSwitcherNode::report_flood(BusMeter::Flood flood) {

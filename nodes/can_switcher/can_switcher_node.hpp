@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <array>
 #include <memory>
 #include <optional>
 #include <vector>
@@ -82,7 +83,11 @@ class CanSwitcherNode : public suite::Node {
   void step_drain();
   void report_unproven(const std::string& why);
   void listen();
-  void report_power_cut(const hw::Peripheral& peripheral, std::optional<hw::GpioError> problem);
+  void run(PowerActions actions);
+  void carry_out(const CutPower& action);
+  void carry_out(const GiveBackLines& action);
+  void carry_out(const ReportPowerCut& action);
+  void carry_out(const ReportCutFailed& action);
   void report_failed_slot(const srfs_msgs::msg::BusStatus& status);
   void note_slot_use(const srfs_msgs::msg::BusStatus& status);
   void publish_housekeeping();
@@ -133,10 +138,11 @@ class CanSwitcherNode : public suite::Node {
   bool draining_ = false;  ///< also while this node is unconfigured
   std::optional<TransmitDrain> drain_;
   ros::Timer drain_timer_;
-  std::shared_ptr<ros::Worker> gpio_worker_;
-  std::optional<PowerCut> power_cut_;  ///< none: the deployment has no GPIO
-  std::uint32_t peripherals_cut_ = 0;
-  std::uint32_t failed_cuts_ = 0;
+  std::shared_ptr<ros::Worker> gpio_worker_;  ///< none: the deployment has no GPIO
+  /// By power line; the worker's alone.
+  std::array<std::unique_ptr<hw::GpioLines>, hw::peripherals.size()> power_lines_;
+  PowerCut power_cut_;
+  ActionQueue<PowerAction> power_actions_;
   suite::MissionTime time_;
   LatencyHistogram flag_latency_;
   std::uint32_t resets_sent_ = 0;

@@ -2,45 +2,41 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "nodes/can_switcher/power_cut.hpp"
 
+#include <utility>
+
 namespace srfs {
 
-void PowerCut::cut(const hw::Peripheral& peripheral) {
-  Held& held = held_.at(peripheral.power_line);
-  if (held.busy) return;
-  struct Try {
-    Outcome outcome = Outcome::attended;
-    hw::GpioError error = hw::GpioError::gone;
-  };
-  held.busy = worker_.ask(
-      [this, &held, &peripheral] {
-        Try result;
-        if (hooks_.attended(peripheral.payload)) return result;
-        if (!held.lines) held.lines = hooks_.open();
-        const auto set = held.lines ? held.lines->set_line(peripheral.power_line, false)
-                                    : Result<void, hw::GpioError>(Err(hw::GpioError::gone));
-        result.outcome = set ? Outcome::off : Outcome::failed;
-        if (!set) result.error = set.error();
-        return result;
-      },
-      [this, &held, &peripheral](const Try& result) {
-        held.busy = false;
-        if (result.outcome == Outcome::attended) return;
-        held.held = true;
-        const bool off = result.outcome == Outcome::off;
-        hooks_.done(peripheral, off ? std::nullopt : std::optional(result.error));
-      });
+PowerActions PowerCut::cut(const hw::Peripheral& peripheral) {
+  if (std::exchange(line(peripheral).busy, true)) return {};
+  return {CutPower{&peripheral}};
 }
 
-void PowerCut::give_back() {
+PowerActions PowerCut::give_back(const std::function<bool(std::string_view payload)>& attended) {
+  PowerActions actions;
   for (const hw::Peripheral& peripheral : hw::peripherals) {
-    Held& held = held_.at(peripheral.power_line);
-    if (!held.held || held.busy || !hooks_.attended(peripheral.payload)) continue;
-    held.busy = worker_.post([&held] { held.lines.reset(); },
-                             [&held] {
-                               held.busy = false;
-                               held.held = false;
-                             });
+    Line& held = line(peripheral);
+    if (!held.held || held.busy || !attended(peripheral.payload)) continue;
+    held.busy = true;
+    actions.emplace_back(GiveBackLines{&peripheral});
   }
+  return actions;
+}
+
+PowerActions PowerCut::on_cut(const hw::Peripheral& peripheral,
+                              const std::optional<Result<void, hw::GpioError>>& set) {
+  line(peripheral).busy = false;
+  if (!set) return {};
+  line(peripheral).held = true;
+  if (*set) {
+    ++counters_.cut;
+    return {ReportPowerCut{&peripheral}};
+  }
+  if (++counters_.failed % 100 != 1) return {};
+  return {ReportCutFailed{&peripheral, counters_.failed, set->error()}};
+}
+
+void PowerCut::on_given_back(const hw::Peripheral& peripheral) {
+  line(peripheral) = {};
 }
 
 }  // namespace srfs

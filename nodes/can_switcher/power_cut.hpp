@@ -3,48 +3,77 @@
 #pragma once
 
 #include <array>
+#include <cstdint>
 #include <functional>
-#include <memory>
 #include <optional>
 #include <string_view>
+#include <variant>
+#include <vector>
 
+#include "base/result.hpp"
 #include "hw/gpio.hpp"
 #include "hw/peripherals.hpp"
-#include "ros/worker.hpp"
 
 namespace srfs {
 
+// What the power cut decides; carried out by the adapter in the given order. One job for a line at a time.
+
+/// Take the lines of the GPIO chip, unless they are held for this peripheral, and switch it off: nothing of
+/// that if its payload has a process by then. Answer with on_cut() or on_refused().
+struct CutPower {
+  const hw::Peripheral* peripheral = nullptr;
+};
+/// Give the lines back that are held for this peripheral. Answer with on_given_back() or on_refused().
+struct GiveBackLines {
+  const hw::Peripheral* peripheral = nullptr;
+};
+/// It is off.
+struct ReportPowerCut {
+  const hw::Peripheral* peripheral = nullptr;
+};
+/// For the log, with every hundredth try.
+struct ReportCutFailed {
+  const hw::Peripheral* peripheral = nullptr;
+  std::uint32_t tries = 0;  ///< that failed, of all peripherals
+  hw::GpioError why = hw::GpioError::gone;
+};
+
+using PowerAction = std::variant<CutPower, GiveBackLines, ReportPowerCut, ReportCutFailed>;
+using PowerActions = std::vector<PowerAction>;
+
 /// Switches peripherals off whose payload, the owner of the switch, has no process. A line of a GPIO chip has
 /// one owner at a time: it is held while the payload is away and given back when it has a process again,
-/// which switches its peripheral on as after every start. Work thread; the lines are used on the worker
-/// alone.
+/// which switches its peripheral on as after every start. Pure; one thread.
 class PowerCut {
  public:
-  struct Hooks {
-    std::function<std::unique_ptr<hw::GpioLines>()> open;    ///< nullptr: there are none; on the worker
-    std::function<bool(std::string_view payload)> attended;  ///< whether it has a process; on both threads
-    /// After each try; nullopt: it is off.
-    std::function<void(const hw::Peripheral&, std::optional<hw::GpioError>)> done;
-  };
-  /// @param worker  must outlive this object, and be drained before its end
-  PowerCut(ros::Worker& worker, Hooks hooks) : worker_(worker), hooks_(std::move(hooks)) {}
+  /// Nothing happens while an earlier job for its line goes on.
+  [[nodiscard]] PowerActions cut(const hw::Peripheral& peripheral);
+  /// To call often. @param attended  whether a payload has a process; asked about held lines only
+  [[nodiscard]] PowerActions give_back(const std::function<bool(std::string_view payload)>& attended);
+  /// @param set  nullopt: its payload has a process again
+  [[nodiscard]] PowerActions on_cut(const hw::Peripheral& peripheral,
+                                    const std::optional<Result<void, hw::GpioError>>& set);
+  void on_given_back(const hw::Peripheral& peripheral);
+  /// The worker had no room.
+  void on_refused(const hw::Peripheral& peripheral) { line(peripheral).busy = false; }
+  /// All lines were given back; the counters go on.
+  void close() { lines_ = {}; }
 
-  /// Nothing happens when the payload has a process again by then, or while an earlier try goes on.
-  void cut(const hw::Peripheral& peripheral);
-  /// Gives back the lines of payloads that have a process. To call often.
-  void give_back();
+  struct Counters {
+    std::uint32_t cut = 0;
+    std::uint32_t failed = 0;
+  };
+  [[nodiscard]] const Counters& counters() const { return counters_; }
 
  private:
-  struct Held {
-    std::unique_ptr<hw::GpioLines> lines;
+  struct Line {
     bool busy = false;  ///< a job on the worker
     bool held = false;
   };
-  enum class Outcome : std::uint8_t { attended, off, failed };
+  [[nodiscard]] Line& line(const hw::Peripheral& peripheral) { return lines_.at(peripheral.power_line); }
 
-  ros::Worker& worker_;
-  Hooks hooks_;
-  std::array<Held, hw::peripherals.size()> held_;  ///< by power line
+  std::array<Line, hw::peripherals.size()> lines_{};  ///< by power line
+  Counters counters_;
 };
 
 }  // namespace srfs
