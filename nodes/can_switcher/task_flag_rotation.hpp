@@ -8,6 +8,7 @@
 #include <variant>
 #include <vector>
 
+#include "base/action_queue.hpp"
 #include "base/grant_id.hpp"
 #include "base/time.hpp"
 
@@ -78,8 +79,7 @@ struct ReportDoubt {
 };
 
 using RotationAction = std::variant<Grant, OrderReset, Fence, Recall, ReportDoubt>;
-/// At most two at a time.
-using RotationActions = std::vector<RotationAction>;
+using RotationActions = ActionList<RotationAction, 2>;
 
 /// A grant that was not monitored since: the switcher was killed, or unconfigured. Past its lease a holder
 /// refuses to write. But a holder that was stopped between that check and the write still writes when it

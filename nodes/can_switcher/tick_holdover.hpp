@@ -5,8 +5,8 @@
 #include <cstdint>
 #include <optional>
 #include <variant>
-#include <vector>
 
+#include "base/action_queue.hpp"
 #include "base/time.hpp"
 
 namespace srfs {
@@ -37,8 +37,7 @@ struct ReportTicksBack {
 };
 
 using HoldoverAction = std::variant<Beat, ReportTicksMissing, ReportTicksBack>;
-/// At most two at a time.
-using HoldoverActions = std::vector<HoldoverAction>;
+using HoldoverActions = ActionList<HoldoverAction, 2>;
 
 /// The beat of the switching: timing's ticks, and while they stay away substitutes at their period and phase.
 /// So a dead, stopped or late timing node costs no slot. It starts with a real tick only. A substitute has no

@@ -59,5 +59,16 @@ TEST(ActionQueueTest, WhatFollowsAfterThatIsCarriedOut) {
   EXPECT_THAT(done, testing::ElementsAre(1, 3));
 }
 
+TEST(ActionQueueTest, CarriesOutAListInItsOrder) {
+  ActionQueue<int> queue;
+  std::vector<int> done;
+  ActionList<int, 3> list{1, 2};
+  list.emplace_back(3);
+  EXPECT_EQ(list.size(), 3U);
+  EXPECT_TRUE(queue.run(list, [&](int action) { done.push_back(action); }));
+  EXPECT_THAT(done, testing::ElementsAre(1, 2, 3));
+  EXPECT_TRUE((ActionList<int, 1>().empty()));
+}
+
 }  // namespace
 }  // namespace srfs
