@@ -126,6 +126,19 @@ TEST_F(SuiteFilesTest, ThisProcessEndsForAnotherVersionOfItself) {
   EXPECT_TRUE(std::holds_alternative<EndOwnProcess>(actions[1]));
 }
 
+TEST_F(SuiteFilesTest, KilledBeforeItsAnswerWhatIsExecutedAgainEndsTheSameWay) {
+  const auto number = add_version();
+  const auto expect_same_end = [&](const auto& order, FailureCode end) {
+    (void)perform(order, suite);  // its answer is lost with the process
+    EXPECT_EQ(outcome(order), end);
+  };
+  expect_same_end(mission::RingHold{.node = eps}, mission::failure::none);
+  expect_same_end(mission::RingRelease{.node = eps}, mission::failure::none);
+  expect_same_end(mission::RingReleaseInactive{.node = eps}, mission::failure::none);
+  expect_same_end(UseVersion{eps, number, seconds(60)}, mission::failure::none);
+  expect_same_end(UseVersion{eps, update::golden, seconds(60)}, mission::failure::none);
+}
+
 TEST_F(SuiteFilesTest, AReportOfADeathThatIsNotThereIsNotSent) {
   EXPECT_EQ(outcome(SendCrashReport{eps, std::nullopt}), mission::failure::no_report);
 }
