@@ -116,8 +116,9 @@ BuildPlan plan_build(const NodeBuild& build, const std::vector<std::string>& sou
 Command plan_header(const NodeBuild& build, const std::vector<std::string>& options, const fs::path& work) {
   Command command{"precompile", compiler_command(build, options, work)};
   const std::string header = work / "node.hpp";
-  command.words.insert(command.words.end(),
-                       {"-x", "c++-header", header, "-o", header + ".gch", "-MD", "-MF", work / "node.d"});
+  // -c: with flags for the linker the compiler would link otherwise.
+  command.words.insert(command.words.end(), {"-c", "-x", "c++-header", header, "-o", header + ".gch", "-MD",
+                                             "-MF", work / "node.d"});
   return command;
 }
 

@@ -64,6 +64,10 @@ TEST(BuildPlanTest, ThePrecompiledHeaderComesFirstInEverySource) {
   EXPECT_TRUE(has(plan.compile[0].words, "/h/node.hpp"));
 }
 
+TEST(BuildPlanTest, ThePrecompiledHeaderIsNotLinked) {
+  EXPECT_TRUE(has(plan_header(installation, {}, "/w").words, "-c"));
+}
+
 TEST(BuildPlanTest, FortifyIsTakenBackWhereNothingIsOptimised) {
   const auto takes_it_back = [](const std::vector<std::string>& options) {
     return has(plan_build(installation, {"a.cpp"}, options, "/w", std::nullopt).compile[0].words,
