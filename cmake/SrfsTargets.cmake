@@ -58,19 +58,27 @@ function(srfs_add_executable name)
   endif()
 endfunction()
 
-# add_srfs_node(<folder> LOGIC <pure sources> ADAPTER <adapter sources> [DEPS ...] [TEST <test sources>]):
-# one node = a logic library without DDS or hardware, an executable `<folder>_node`, a unit test of the logic.
+# add_srfs_node(<folder> [LOGIC <pure sources>] [ADAPTER <sources>] [DEPS ...] [TEST <test sources>]): one node, from one list:
+#   srfs_<folder>_logic    without DDS or hardware, with a unit test
+#   srfs_<folder>_adapter  the node itself, for its program and for tests with real DDS
+#   <folder>_node          main.cpp and the adapter
 function(add_srfs_node name)
   cmake_parse_arguments(ARG "" "" "LOGIC;ADAPTER;DEPS;TEST" ${ARGN})
+  set(deps srfs_suite srfs_hw srfs_msgs srfs_mission ${ARG_DEPS})
   if(ARG_LOGIC)
     srfs_add_library(srfs_${name}_logic SOURCES ${ARG_LOGIC} DEPS srfs_base srfs_wire srfs_mission)
-    set(logic srfs_${name}_logic)
+    list(PREPEND deps srfs_${name}_logic)
   endif()
-  srfs_add_executable(${name}_node SOURCES ${ARG_ADAPTER}
-    DEPS ${logic} srfs_suite srfs_hw srfs_msgs srfs_mission ${ARG_DEPS})
+  if(ARG_ADAPTER)
+    srfs_add_library(srfs_${name}_adapter SOURCES ${ARG_ADAPTER} DEPS ${deps})
+    set_target_properties(srfs_${name}_adapter PROPERTIES POSITION_INDEPENDENT_CODE OFF)  # as programs: they share precompiled headers
+    srfs_precompile(srfs_${name}_adapter nodes HEADERS <suite/node.hpp> DEPS srfs_suite)
+    set(deps srfs_${name}_adapter)
+  endif()
+  srfs_add_executable(${name}_node SOURCES main.cpp DEPS ${deps})
   srfs_precompile(${name}_node nodes HEADERS <suite/node.hpp> DEPS srfs_suite)
   if(ARG_TEST)
-    srfs_add_unit_test(${name}_logic SOURCES ${ARG_TEST} DEPS ${logic})
+    srfs_add_unit_test(${name}_logic SOURCES ${ARG_TEST} DEPS srfs_${name}_logic)
   endif()
 endfunction()
 
