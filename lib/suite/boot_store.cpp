@@ -2,40 +2,22 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "suite/boot_store.hpp"
 
-#include <array>
-
-#include "base/log.hpp"
-
 namespace srfs::suite {
 namespace {
 
-constexpr std::array copies{"record_a", "record_b"};
+constexpr StateCodec<wire::BootRecord> codec{
+    .encode = [](const wire::BootRecord& record) { return wire::encode_boot_record(record); },
+    .decode = [](std::string_view text) -> std::optional<wire::BootRecord> {
+      auto record = wire::decode_boot_record(std::string(text));
+      return record ? std::optional(std::move(*record)) : std::nullopt;
+    },
+    .is_newer = [](const wire::BootRecord& record,
+                   const wire::BootRecord& than) { return record.revision > than.revision; },
+};
 
 }  // namespace
 
-std::optional<wire::BootRecord> BootStore::load() const {
-  std::optional<wire::BootRecord> newest;
-  for (const char* copy : copies) {
-    const auto file = folder_ / copy;
-    if (!std::filesystem::exists(file)) continue;
-    constexpr std::size_t longest = 4096;
-    const auto text = read_file(file, longest);
-    const auto record = text ? wire::decode_boot_record(*text) : Err(wire::BootRecordError::damaged);
-    if (!record) {
-      log::error("{} is damaged", file.string());
-    } else if (!newest || record->revision > newest->revision) {
-      newest = *record;
-    }
-  }
-  return newest;
-}
-
-Result<void, FileError> BootStore::save(const wire::BootRecord& record) const {
-  const std::string text = wire::encode_boot_record(record);
-  for (const char* copy : copies) {
-    if (auto written = write_file_atomically(folder_ / copy, text); !written) return written;
-  }
-  return {};
-}
+BootStore::BootStore(const std::filesystem::path& folder)
+    : StateFile(folder / "record_a", folder / "record_b", codec) {}
 
 }  // namespace srfs::suite

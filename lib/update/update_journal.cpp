@@ -20,7 +20,6 @@ constexpr std::string_view format_name = "srfs updates 1";
 constexpr std::array step_names{"none", "verify",    "build",     "self_test", "store",
                                 "swap", "installed", "candidate", "failed",    "cancelled"};
 constexpr std::size_t longest_text = 200;
-constexpr std::size_t largest_journal = 64U << 10;
 
 bool get(const Json& json, const char* key, UpdateStep& step) {
   std::string name;
@@ -211,32 +210,14 @@ std::optional<UpdateJournal> decode_update_journal(std::string_view text) {
   return journal;
 }
 
-JournalReading read_update_journal(const std::filesystem::path& folder) {
-  JournalReading reading;
-  bool found = false;
-  for (const char* name : {"updates_a", "updates_b"}) {
-    std::error_code ec;
-    const auto file = folder / name;
-    if (!std::filesystem::exists(file, ec)) continue;
-    const auto text = read_file(file, largest_journal);
-    auto journal = text ? decode_update_journal(*text) : std::nullopt;
-    if (!journal) {
-      reading.problem = fmt::format("{} is damaged", file.string());
-      continue;
-    }
-    if (!found || journal->revision() > reading.journal.revision()) reading.journal = std::move(*journal);
-    found = true;
-  }
-  return reading;
-}
-
-Result<void, FileError> write_update_journal(const std::filesystem::path& folder,
-                                             const UpdateJournal& journal) {
-  const std::string text = encode(journal);
-  for (const char* name : {"updates_a", "updates_b"}) {
-    if (auto written = write_file_atomically(folder / name, text); !written) return written;
-  }
-  return {};
+StateFile<UpdateJournal> update_journal_file(const std::filesystem::path& folder) {
+  constexpr StateCodec<UpdateJournal> codec{
+      .encode = encode,
+      .decode = decode_update_journal,
+      .is_newer = [](const UpdateJournal& journal,
+                     const UpdateJournal& than) { return journal.revision() > than.revision(); },
+  };
+  return {folder / "updates_a", folder / "updates_b", codec};
 }
 
 }  // namespace srfs::update

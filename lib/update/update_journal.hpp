@@ -11,7 +11,7 @@
 
 #include <mission/structures.hpp>
 
-#include "base/file.hpp"
+#include "base/state_file.hpp"
 #include "update/package.hpp"
 #include "update/version_table.hpp"
 
@@ -94,14 +94,7 @@ class UpdateJournal {
 [[nodiscard]] std::string encode(const UpdateJournal& journal);
 [[nodiscard]] std::optional<UpdateJournal> decode_update_journal(std::string_view text);
 
-/// The journal in two copies, updates_a and updates_b, of which the newer readable one counts: damage of one
-/// loses no counter. Blocks on the disk.
-struct JournalReading {
-  UpdateJournal journal;
-  std::string problem;  ///< for people; empty: all is well
-};
-[[nodiscard]] JournalReading read_update_journal(const std::filesystem::path& folder);
-[[nodiscard]] Result<void, FileError> write_update_journal(const std::filesystem::path& folder,
-                                                           const UpdateJournal& journal);
+/// The journal in two copies, updates_a and updates_b: damage of one loses no counter.
+[[nodiscard]] StateFile<UpdateJournal> update_journal_file(const std::filesystem::path& folder);
 
 }  // namespace srfs::update

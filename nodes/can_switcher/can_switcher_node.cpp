@@ -50,9 +50,9 @@ CanSwitcherNode::CanSwitcherNode(suite::NodeContext& context) : Node(context) {
     const auto& payloads = std::get<std::vector<std::string>>(value);
     for (const std::string& payload : payloads) {
       const auto& slots = deployment().slots;
-      const bool known = !payload.empty() && std::any_of(slots.begin(), slots.end(), [&](const suite::Slot& s) {
-        return s.payload == payload;
-      });
+      const bool known =
+          !payload.empty() &&
+          std::any_of(slots.begin(), slots.end(), [&](const suite::Slot& s) { return s.payload == payload; });
       if (!known) return Err(fmt::format("rotation_order: '{}' has no slot in the deployment", payload));
       if (std::count(payloads.begin(), payloads.end(), payload) > 1)
         return Err(fmt::format("rotation_order: '{}' appears twice", payload));
@@ -679,7 +679,8 @@ void CanSwitcherNode::publish_housekeeping() {
   hk.ticks_substituted = ticks.substitutes;
   hk.ticks_superseded = ticks.made;
   hk.tick_outages = ticks.outages;
-  publish_telemetry(suite::telemetry_message(name(), hk, hk.cycle, time_.utc_at(now()), time_.valid(), now()));
+  publish_telemetry(
+      suite::telemetry_message(name(), hk, hk.cycle, time_.utc_at(now()), time_.valid(), now()));
 }
 
 void CanSwitcherNode::publish_bus_statistics() {
@@ -720,7 +721,8 @@ void CanSwitcherNode::publish_bus_statistics() {
     }
     use.used = use.allotted = nanoseconds(0);
   }
-  publish_telemetry(suite::telemetry_message(name(), hk, hk.cycle, time_.utc_at(now()), time_.valid(), now()));
+  publish_telemetry(
+      suite::telemetry_message(name(), hk, hk.cycle, time_.utc_at(now()), time_.valid(), now()));
 }
 
 void CanSwitcherNode::report_flood(BusMeter::Flood flood) {

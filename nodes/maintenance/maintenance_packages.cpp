@@ -92,9 +92,8 @@ Swapped add(const AddProgram& action, const suite::Deployment& deployment, const
 void MaintenanceNode::open_packages() {
   package_worker_ =
       create_worker("packages", 8, std::max<milliseconds>(worker_deadline(), longest_package_job));
-  auto [journal, problem] = update::read_update_journal(state_dir());
-  if (!problem.empty()) log::error("update journal: {}", problem);
-  transaction_.emplace(std::move(journal), name());
+  auto journal = update::update_journal_file(state_dir()).load().state;
+  transaction_.emplace(journal ? std::move(*journal) : update::UpdateJournal{}, name());
   resume_pending_ = true;
   reviewing_added_ = create_timer(
       between_reviews, [this] { review_added_nodes(); }, "added nodes");
@@ -147,7 +146,7 @@ void MaintenanceNode::carry_out(const TakeInPackage& action) {
 void MaintenanceNode::carry_out(const WriteUpdateJournal& action) {
   const bool taken = package_worker_->ask(
       [action, state = state_dir()]() -> Result<void, std::string> {
-        const auto written = update::write_update_journal(state, action.journal);
+        const auto written = update::update_journal_file(state).store(action.journal);
         if (written) return {};
         log::error("update journal: {}", written.error().message);
         return Err(written.error().message);

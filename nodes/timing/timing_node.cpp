@@ -125,7 +125,7 @@ CallbackReturn TimingNode::on_configure() {
   serial_ = std::move(*serial);
 
   boot_id_ = kernel_boot_id().value_or("-");
-  if (!boot_) stored_boot_ = boot_store_.load();
+  if (!boot_) stored_boot_ = boot_store_.load().state;
   const TimingRecord record = store_.load();
   start_clock(record);
   if (!reservation_) {  // this process's own count goes on across a clean-up
@@ -495,7 +495,7 @@ void TimingNode::carry_out(const ReportBoot& action) {
 
 void TimingNode::carry_out(const SaveBootRecord& action) {
   const auto save = [this, record = action.record] {
-    const auto written = boot_store_.save(record);
+    const auto written = boot_store_.store(record);
     if (!written) log::error("cannot save the boot record: {}", written.error().message);
     return written.has_value();
   };

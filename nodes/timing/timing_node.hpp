@@ -10,7 +10,6 @@
 #include <mission/structures.hpp>
 
 #include "base/action_queue.hpp"
-#include "suite/commanding/commanded_node.hpp"
 #include "hw/pulse_source.hpp"
 #include "hw/serial_port.hpp"
 #include "hw/watchdog.hpp"
@@ -23,6 +22,7 @@
 #include "nodes/timing/timing_store.hpp"
 #include "nodes/timing/watchdog_feeding.hpp"
 #include "suite/boot_store.hpp"
+#include "suite/commanding/commanded_node.hpp"
 #include "wire/gnss_time.hpp"
 
 namespace srfs {

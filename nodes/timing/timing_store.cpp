@@ -7,32 +7,37 @@
 #include "base/log.hpp"
 
 namespace srfs {
+namespace {
 
-std::filesystem::path TimingStore::file(int turn) const {
-  return folder_ / (turn == 0 ? "cycle_a" : "cycle_b");
-}
+constexpr StateCodec<TimingRecord> codec{
+    .encode = [](const TimingRecord& record) { return encode_timing_record(record); },
+    .decode = [](std::string_view text) -> std::optional<TimingRecord> {
+      auto record = decode_timing_record(std::string(text));
+      return record ? std::optional(std::move(*record)) : std::nullopt;
+    },
+    .is_newer =
+        [](const TimingRecord& record, const TimingRecord& than) {
+          return std::pair(record.cycle_ceiling, record.utc) > std::pair(than.cycle_ceiling, than.utc);
+        },
+};
 
-TimingRecord TimingStore::load() const {
-  TimingRecord newest;
-  bool damaged = false;
-  for (const int turn : {0, 1}) {
-    if (!std::filesystem::exists(file(turn))) continue;
-    const auto text = read_file(file(turn), 4096);
-    const auto record = text ? decode_timing_record(*text) : Err(TimingRecordError::damaged);
-    if (!record) {
-      damaged = true;
-      log::error("{} is damaged, the cycle number jumps to stay ahead", file(turn).string());
-    } else if (std::pair(record->cycle_ceiling, record->utc) >= std::pair(newest.cycle_ceiling, newest.utc)) {
-      newest = *record;
-    }
+}  // namespace
+
+TimingStore::TimingStore(const std::filesystem::path& folder)
+    : file_(folder / "cycle_a", folder / "cycle_b", codec, StateFile<TimingRecord>::Writes::in_turn) {}
+
+TimingRecord TimingStore::load() {
+  const auto found = file_.load();
+  TimingRecord newest = found.state.value_or(TimingRecord{});
+  if (!found.damaged.empty()) {
+    log::error("the cycle number jumps to stay ahead of what is damaged");
+    newest.cycle_ceiling += 2 * CycleReservation::step;
   }
-  if (damaged) newest.cycle_ceiling += 2 * CycleReservation::step;
   return newest;
 }
 
 Result<void, FileError> TimingStore::save(const TimingRecord& record) {
-  turn_ = 1 - turn_;
-  return write_file_atomically(file(turn_), encode_timing_record(record));
+  return file_.store(record);
 }
 
 }  // namespace srfs

@@ -4,7 +4,7 @@
 
 #include <filesystem>
 
-#include "base/file.hpp"
+#include "base/state_file.hpp"
 #include "nodes/timing/cycle_reservation.hpp"
 
 namespace srfs {
@@ -13,18 +13,15 @@ namespace srfs {
 /// Blocks on the disk: at start and in a worker thread only.
 class TimingStore {
  public:
-  explicit TimingStore(std::filesystem::path folder) : folder_(std::move(folder)) {}
+  explicit TimingStore(const std::filesystem::path& folder);
 
   /// The newest usable record; an empty one when there is none. A damaged file is taken for the newer one:
   /// the ceiling is raised by two reservations then, the most it can have been ahead.
-  [[nodiscard]] TimingRecord load() const;
+  [[nodiscard]] TimingRecord load();
   [[nodiscard]] Result<void, FileError> save(const TimingRecord& record);
 
  private:
-  [[nodiscard]] std::filesystem::path file(int turn) const;
-
-  std::filesystem::path folder_;
-  int turn_ = 0;
+  StateFile<TimingRecord> file_;
 };
 
 }  // namespace srfs

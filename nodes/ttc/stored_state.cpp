@@ -67,17 +67,18 @@ std::string StoredState::load_stores() const {
 }
 
 KeySelection StoredState::load_keys(UplinkConfig& config, std::vector<TtcCore::KeyNews>& news) const {
-  const std::filesystem::path file = folder_ / "key_selection";
-  const FoundKeySelection found = load_key_selection(file);
-  const bool lost = found.damaged_copies > 0 && found.selection.generation == 0;
+  auto file = key_selection_file(folder_ / "key_selection");
+  const auto found = file.load();
+  const KeySelection selection = found.state.value_or(KeySelection{});
+  const bool lost = found.existed() && !found.state;
   for (UplinkChannel& channel : config.channels) {
     if (channel.associations.empty()) continue;
     const auto has = [&channel](KeySet set) {
       return std::any_of(channel.associations.begin(), channel.associations.end(),
                          [set](const UplinkAssociation& a) { return a.set == set; });
     };
-    const auto stored = found.selection.sets.find(channel.vc);
-    if (stored != found.selection.sets.end()) channel.selected = stored->second;
+    const auto stored = selection.sets.find(channel.vc);
+    if (stored != selection.sets.end()) channel.selected = stored->second;
     if (lost) news.push_back({channel.vc, channel.selected, "the stored selection is damaged"});
     const KeySet other = channel.selected == KeySet::a ? KeySet::b : KeySet::a;
     if (!has(channel.selected) && has(other)) {
@@ -85,11 +86,9 @@ KeySelection StoredState::load_keys(UplinkConfig& config, std::vector<TtcCore::K
       news.push_back({channel.vc, other, "the selected keys are unusable"});
     }
   }
-  if (found.damaged_copies == 0) return found.selection;
-  log::error("{} of 2 copies of the key selection are damaged", found.damaged_copies);
-  if (const auto stored = store_key_selection(file, found.selection); !stored)
-    log::error("{}", stored.error().message);
-  return found.selection;
+  if (found.damaged.empty()) return selection;
+  if (const auto stored = file.store(selection); !stored) log::error("{}", stored.error().message);
+  return selection;
 }
 
 /// A first start looks like the loss of everything that ttc wrote: it wants a floor, too.
@@ -152,7 +151,7 @@ bool StoredState::write(const std::string& name, const std::string& text) const 
 }
 
 bool StoredState::write_keys(const KeySelection& selection) const {
-  return store_key_selection(folder_ / "key_selection", selection).has_value();
+  return key_selection_file(folder_ / "key_selection").store(selection).has_value();
 }
 
 void StoredState::copy_link_state(const LinkState& state) {

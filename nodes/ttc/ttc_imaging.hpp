@@ -12,8 +12,8 @@
 
 #include "nodes/ttc/ttc_core.hpp"
 #include "ros/action_client.hpp"
-#include "suite/state_files.hpp"
 #include "ros/worker.hpp"
+#include "suite/state_files.hpp"
 
 namespace srfs {
 

@@ -67,7 +67,8 @@ Result<UplinkConfig, std::string> read_channels(const suite::Deployment& deploym
   const suite::LinkSettings& settings = deployment.link;
   if (auto unsafe = suite::unsafe_link(deployment, root); !unsafe.empty()) return Err(std::move(unsafe));
   const auto line = deployment.devices.find("rs422");
-  const bool is_hardware_line = line != deployment.devices.end() && suite::is_hardware_line(line->second, root);
+  const bool is_hardware_line =
+      line != deployment.devices.end() && suite::is_hardware_line(line->second, root);
   UplinkConfig config;
   config.spacecraft_id = static_cast<std::uint16_t>(settings.spacecraft_id);
   config.cltu.randomized = settings.tc_randomizer;
@@ -153,7 +154,7 @@ MissionMode initial_mode(const std::string& text, const std::filesystem::path& d
 
 /// The boot record, used until timing reports more: timing may be writing the record of this boot right now.
 BootTold load_boot(const suite::VarPaths& var) {
-  const auto record = suite::BootStore(var.boot()).load();
+  const auto record = suite::BootStore(var.boot()).load().state;
   if (!record) return {.count = 1, .cause = mission::ResetCause::unknown};
   const auto kernel = kernel_boot_id();
   const bool same = kernel && record->boot_id.substr(0, kernel->size()) == *kernel;
@@ -309,8 +310,8 @@ void TtcNode::subscribe() {
   const auto keep = [this](auto subscription) { subscriptions_.push_back(std::move(subscription)); };
   telecommands_ = create_publisher(suite::topics::telecommand);
   mode_publisher_ = create_publisher(suite::topics::mode);
-  keep(
-      create_subscription(suite::topics::time_tick, [this](const srfs_msgs::msg::TimeTick& m) { on_tick(m); }));
+  keep(create_subscription(suite::topics::time_tick,
+                           [this](const srfs_msgs::msg::TimeTick& m) { on_tick(m); }));
   keep(create_subscription(suite::topics::event, [this](const srfs_msgs::msg::Event& m) {
     if (!is_active()) return;
     if (core_->on_event(m.source, m.event_id, m.severity, m.data, now())) pump_downlink();

@@ -23,35 +23,35 @@ class BootStoreTest : public ::testing::Test {
 };
 
 TEST_F(BootStoreTest, FindsNothingBeforeTheFirstBoot) {
-  EXPECT_FALSE(BootStore(folder / "boot").load().has_value());
+  EXPECT_FALSE(BootStore(folder / "boot").load().state);
 }
 
 TEST_F(BootStoreTest, GivesBackTheRecordWhicheverCopyIsLost) {
   for (const char* lost : {"record_a", "record_b"}) {
     for (const bool removed : {true, false}) {
       const wire::BootRecord record{.count = 5, .boot_id = "a", .revision = 9};
-      ASSERT_TRUE(BootStore(folder).save(record).has_value());
+      ASSERT_TRUE(BootStore(folder).store(record).has_value());
       if (removed) {
         std::filesystem::remove(folder / lost);
       } else {
         damage(lost);
       }
-      EXPECT_EQ(BootStore(folder).load(), record) << lost;
+      EXPECT_EQ(BootStore(folder).load().state, record) << lost;
     }
   }
 }
 
 TEST_F(BootStoreTest, TakesTheNewerCopyAfterAPowerLossBetweenTheTwo) {
-  ASSERT_TRUE(BootStore(folder).save({.count = 5, .boot_id = "a", .revision = 9}).has_value());
+  ASSERT_TRUE(BootStore(folder).store({.count = 5, .boot_id = "a", .revision = 9}).has_value());
   std::filesystem::rename(folder / "record_b", folder / "old");
-  ASSERT_TRUE(BootStore(folder).save({.count = 6, .boot_id = "b", .revision = 10}).has_value());
+  ASSERT_TRUE(BootStore(folder).store({.count = 6, .boot_id = "b", .revision = 10}).has_value());
   std::filesystem::rename(folder / "old", folder / "record_b");
-  EXPECT_EQ(BootStore(folder).load()->count, 6U);
+  EXPECT_EQ(BootStore(folder).load().state->count, 6U);
 }
 
 TEST_F(BootStoreTest, SaysWhenTheDiskDoesNotTakeIt) {
   std::ofstream(folder / "file") << "in the way";
-  EXPECT_FALSE(BootStore(folder / "file").save({}).has_value());
+  EXPECT_FALSE(BootStore(folder / "file").store({}).has_value());
 }
 
 }  // namespace

@@ -131,18 +131,17 @@ TEST(UpdateJournalTest, it_comes_back_from_its_text_and_damage_at_any_octet_is_f
 
 TEST(UpdateJournalTest, of_two_copies_the_newer_sound_one_counts) {
   const testing_support::TemporaryFolder folder;
-  EXPECT_FALSE(read_update_journal(folder.path()).journal.is_under_way());
-  EXPECT_EQ(read_update_journal(folder.path()).problem, "");
+  EXPECT_FALSE(update_journal_file(folder.path()).load().existed());
   UpdateJournal journal = begun();
-  ASSERT_TRUE(write_update_journal(folder.path(), journal));
+  ASSERT_TRUE(update_journal_file(folder.path()).store(journal));
   UpdateJournal later = journal;
   later.set(UpdateStep::self_test);
   ASSERT_TRUE(write_file_atomically(folder.path() / "updates_a", encode(later)));  // then the power was lost
-  EXPECT_EQ(read_update_journal(folder.path()).journal, later);
+  EXPECT_EQ(update_journal_file(folder.path()).load().state, later);
   ASSERT_TRUE(write_file_atomically(folder.path() / "updates_a", "damage"));
-  const auto reading = read_update_journal(folder.path());
-  EXPECT_EQ(reading.journal, journal);
-  EXPECT_THAT(reading.problem, HasSubstr("updates_a"));
+  const auto found = update_journal_file(folder.path()).load();
+  EXPECT_EQ(found.state, journal);
+  EXPECT_EQ(found.damaged.size(), 1U);
 }
 
 }  // namespace

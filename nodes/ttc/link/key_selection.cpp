@@ -2,7 +2,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "nodes/ttc/link/key_selection.hpp"
 
-#include <array>
 #include <charconv>
 
 #include <fmt/format.h>
@@ -13,7 +12,6 @@ namespace srfs {
 namespace {
 
 constexpr std::size_t channels_max = 64;
-constexpr std::size_t copy_octets_max = 1024;
 
 /// Takes digits off the front. nullopt: there are none, or too many.
 template <class Number>
@@ -23,10 +21,6 @@ std::optional<Number> take_number(std::string_view& text) {
   if (error != std::errc()) return std::nullopt;
   text.remove_prefix(static_cast<std::size_t>(end - text.data()));
   return number;
-}
-
-std::array<std::filesystem::path, 2> copies_of(const std::filesystem::path& path) {
-  return {path.string() + ".0", path.string() + ".1"};
 }
 
 }  // namespace
@@ -57,34 +51,14 @@ std::optional<KeySelection> decode_key_selection(std::string_view text) {
   return selection;
 }
 
-FoundKeySelection load_key_selection(const std::filesystem::path& path) {
-  FoundKeySelection found;
-  for (const auto& copy : copies_of(path)) {
-    const auto text = read_file(copy, copy_octets_max);
-    std::error_code ec;
-    if (!text && !std::filesystem::exists(copy, ec)) continue;
-    found.existed = true;
-    const auto selection = text ? decode_key_selection(*text) : std::nullopt;
-    if (!selection) {
-      ++found.damaged_copies;
-    } else if (selection->generation >= found.selection.generation) {
-      found.selection = *selection;
-    }
-  }
-  return found;
-}
-
-Result<void, FileError> store_key_selection(const std::filesystem::path& path,
-                                            const KeySelection& selection) {
-  const std::string text = encode_key_selection(selection);
-  Result<void, FileError> outcome;
-  bool one_is_durable = false;
-  for (const auto& copy : copies_of(path)) {
-    auto written = write_file_atomically(copy, text);
-    one_is_durable = one_is_durable || written.has_value();
-    if (!written) outcome = std::move(written);
-  }
-  return one_is_durable ? Result<void, FileError>{} : outcome;
+StateFile<KeySelection> key_selection_file(const std::filesystem::path& path) {
+  constexpr StateCodec<KeySelection> codec{
+      .encode = encode_key_selection,
+      .decode = decode_key_selection,
+      .is_newer = [](const KeySelection& selection,
+                     const KeySelection& than) { return selection.generation > than.generation; },
+  };
+  return {path.string() + ".0", path.string() + ".1", codec};
 }
 
 }  // namespace srfs

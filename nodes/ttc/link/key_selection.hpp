@@ -13,8 +13,7 @@
 
 #include <mission/structures.hpp>
 
-#include "base/file.hpp"
-#include "base/result.hpp"
+#include "base/state_file.hpp"
 
 namespace srfs {
 
@@ -35,15 +34,7 @@ struct KeySelection {
 /// nullopt: not a whole, undamaged copy.
 [[nodiscard]] std::optional<KeySelection> decode_key_selection(std::string_view text);
 
-struct FoundKeySelection {
-  KeySelection selection;  ///< the newer undamaged copy; set a everywhere when there is none
-  unsigned damaged_copies = 0;
-  bool existed = false;
-};
-
-/// Reads the copies `<path>.0` and `<path>.1`. Blocks on the disk.
-[[nodiscard]] FoundKeySelection load_key_selection(const std::filesystem::path& path);
-/// Writes both, one after the other; durable when one of them is. Blocks on the disk.
-Result<void, FileError> store_key_selection(const std::filesystem::path& path, const KeySelection& selection);
+/// `<path>.0` and `<path>.1`.
+[[nodiscard]] StateFile<KeySelection> key_selection_file(const std::filesystem::path& path);
 
 }  // namespace srfs

@@ -38,45 +38,14 @@ TEST(KeySelectionText, IsRefusedWithAnyOctetChangedOrMissing) {
   }
 }
 
-TEST_F(StoredKeySelection, IsSetAWhereNothingWasStored) {
-  const FoundKeySelection found = load_key_selection(path_);
-  EXPECT_EQ(found.selection, KeySelection{});
-  EXPECT_FALSE(found.existed);
-  EXPECT_EQ(found.damaged_copies, 0U);
-}
-
-TEST_F(StoredKeySelection, OneDamagedCopyLeavesTheOther) {
-  ASSERT_TRUE(store_key_selection(path_, second));
-  for (const char* copy : {".0", ".1"}) {
-    damage(copy);
-    const FoundKeySelection found = load_key_selection(path_);
-    EXPECT_EQ(found.selection, second) << copy;
-    EXPECT_EQ(found.damaged_copies, 1U);
-    ASSERT_TRUE(store_key_selection(path_, found.selection));
-    EXPECT_EQ(load_key_selection(path_).damaged_copies, 0U);
-  }
-}
-
-TEST_F(StoredKeySelection, OfTwoCopiesTheNewerOneIsTrue) {
-  ASSERT_TRUE(write_file_atomically(path_.string() + ".1", encode_key_selection(second)));
+TEST_F(StoredKeySelection, LiesInTwoCopiesOfWhichTheOneWithMoreChangesIsTrue) {
+  EXPECT_FALSE(key_selection_file(path_).load().existed());
+  ASSERT_TRUE(key_selection_file(path_).store(second));
   ASSERT_TRUE(write_file_atomically(path_.string() + ".0",
                                     encode_key_selection({.generation = 1, .sets = {{0, KeySet::a}}})));
-  EXPECT_EQ(load_key_selection(path_).selection, second);
-}
-
-TEST_F(StoredKeySelection, BothDamagedIsSetAAndSaidSo) {
-  ASSERT_TRUE(store_key_selection(path_, second));
-  damage(".0");
-  damage(".1");
-  const FoundKeySelection found = load_key_selection(path_);
-  EXPECT_EQ(found.selection, KeySelection{});
-  EXPECT_EQ(found.damaged_copies, 2U);
-}
-
-TEST_F(StoredKeySelection, IsDurableWhenOneCopyIs) {
-  std::filesystem::create_directories(path_.string() + ".0");  // cannot be replaced by a file
-  EXPECT_TRUE(store_key_selection(path_, second));
-  EXPECT_EQ(load_key_selection(path_).selection, second);
+  EXPECT_EQ(key_selection_file(path_).load().state, second);
+  ASSERT_TRUE(write_file_atomically(path_.string() + ".1", "damage"));
+  EXPECT_EQ(key_selection_file(path_).load().state->generation, 1U);
 }
 
 }  // namespace

@@ -180,7 +180,7 @@ class Architecture(unittest.TestCase):
         self.assertIn('"ring"', "".join(f.read_text() for f in sources("lib/suite/ring")))
 
     def test_lists_the_logic_that_uses_the_disk(self):
-        uses = re.compile(r"write_file_atomically|read_file\(|(?<![\w.>])open\(|openat\(|fsync\(|fdatasync\(|directory_iterator|file_size\(|FileTree::open|read_versions\(")
+        uses = re.compile(r"write_file_atomically|read_file\(|(?<![\w.>])open\(|openat\(|fsync\(|fdatasync\(|directory_iterator|file_size\(|FileTree::open|read_versions\(|StateFile<")
         expected = {}
         for cmake in (ROOT / "nodes").glob("*/CMakeLists.txt"):
             logic = re.search(r"add_srfs_node\((\w+)\s+LOGIC\s+(.*?)\s+ADAPTER", cmake.read_text(), re.S)
