@@ -3,6 +3,7 @@
 #pragma once
 
 #include <array>
+#include <cstdint>
 #include <filesystem>
 #include <optional>
 #include <string>
@@ -19,9 +20,9 @@ namespace srfs {
 /// How a state stands in a file.
 template <class T>
 struct StateCodec {
-  std::string (*encode)(const T&);                            ///< with a checksum
-  std::optional<T> (*decode)(std::string_view);               ///< nullopt: damaged
-  bool (*is_newer)(const T& state, const T& than) = nullptr;  ///< of two sound copies
+  std::string (*encode)(const T&);                  ///< with a checksum
+  std::optional<T> (*decode)(std::string_view);     ///< nullopt: damaged
+  bool (*is_newer)(const T& state, const T& than);  ///< of two sound copies
 };
 
 /// A small state that outlives its process in two copies, each replaced atomically: a write cut short, a full
@@ -30,7 +31,7 @@ template <class T>
 class StateFile {
  public:
   enum class Writes : std::uint8_t {
-    both,     ///< each time: a rotten copy costs nothing
+    both,     ///< each time: where both are on the medium, a rotten one costs nothing
     in_turn,  ///< the older one: half the writes; a rotten copy costs the last change
   };
   static constexpr std::size_t largest_octets = 65536;  ///< of a copy; a larger one is damaged
@@ -44,12 +45,13 @@ class StateFile {
     std::vector<std::filesystem::path> damaged;  ///< at most two
     [[nodiscard]] bool existed() const { return state.has_value() || !damaged.empty(); }
   };
-  /// A copy that is there and cannot be read is damaged, and logged.
+  /// A copy that cannot be read, whatever the reason, is damaged, and logged; only one that is not there is
+  /// not.
   [[nodiscard]] Found load() {
     Found found;
     for (std::size_t i = 0; i < copies_.size(); ++i) {
       std::error_code ec;
-      if (!std::filesystem::exists(copies_.at(i), ec)) continue;
+      if (!std::filesystem::exists(copies_.at(i), ec) && !ec) continue;
       const auto text = read_file(copies_.at(i), largest_octets);
       auto state = text ? codec_.decode(*text) : std::nullopt;
       if (!state) {
@@ -62,16 +64,26 @@ class StateFile {
     }
     return found;
   }
-  /// @return success: one copy at least is on the medium. Else why the last one is not
-  [[nodiscard]] Result<void, FileError> store(const T& state) {
+
+  struct Stored {
+    unsigned copies = 0;  ///< on the medium
+    std::string problem;  ///< of the copies that are not, for people; empty: all is well
+    [[nodiscard]] bool durable() const { return copies > 0; }
+  };
+  /// Tries every copy that is to be written; in turn: the newest one only if the older one cannot be.
+  [[nodiscard]] Stored store(const T& state) {
     const std::string text = codec_.encode(state);
-    if (writes_ == Writes::in_turn) {
-      newest_ = 1 - newest_;
-      return write_file_atomically(copies_.at(newest_), text);
+    Stored stored;
+    for (const std::size_t i : {1 - newest_, newest_}) {
+      if (writes_ == Writes::in_turn && stored.durable()) break;
+      if (const auto written = write_file_atomically(copies_.at(i), text); !written) {
+        stored.problem += (stored.problem.empty() ? "" : "; ") + written.error().message;
+      } else {
+        ++stored.copies;
+        newest_ = i;
+      }
     }
-    auto first = write_file_atomically(copies_[0], text);
-    auto second = write_file_atomically(copies_[1], text);
-    return first ? first : second;
+    return stored;
   }
 
  private:

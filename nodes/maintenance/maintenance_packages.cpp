@@ -146,10 +146,10 @@ void MaintenanceNode::carry_out(const TakeInPackage& action) {
 void MaintenanceNode::carry_out(const WriteUpdateJournal& action) {
   const bool taken = package_worker_->ask(
       [action, state = state_dir()]() -> Result<void, std::string> {
-        const auto written = update::update_journal_file(state).store(action.journal);
-        if (written) return {};
-        log::error("update journal: {}", written.error().message);
-        return Err(written.error().message);
+        const auto stored = update::update_journal_file(state).store(action.journal);
+        if (stored.problem.empty()) return {};
+        log::error("update journal: {}", stored.problem);
+        return Err(stored.problem);
       },
       [this, answer = action.answer](const Result<void, std::string>& written) {
         if (answer) run(transaction_->on_begun(written));

@@ -132,7 +132,8 @@ CallbackReturn TimingNode::on_configure() {
     reservation_.emplace(record.cycle_ceiling);
     next_cycle_ = reservation_->first_cycle();
   }
-  // The first reservation is on disk before the first tick.
+  // The first reservation is on disk before the first tick: written here, also after an attempt that failed.
+  worker_.reset();
   run(reservation_->reserve(next_cycle_));
 
   worker_ = create_worker("records", 4);
@@ -495,9 +496,9 @@ void TimingNode::carry_out(const ReportBoot& action) {
 
 void TimingNode::carry_out(const SaveBootRecord& action) {
   const auto save = [this, record = action.record] {
-    const auto written = boot_store_.store(record);
-    if (!written) log::error("cannot save the boot record: {}", written.error().message);
-    return written.has_value();
+    const auto stored = boot_store_.store(record);
+    if (!stored.problem.empty()) log::error("cannot save the boot record: {}", stored.problem);
+    return stored.problem.empty();
   };
   const auto on_saved = [this](bool ok) {
     if (!ok) boot_->on_write_failed();

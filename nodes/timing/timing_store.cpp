@@ -37,7 +37,10 @@ TimingRecord TimingStore::load() {
 }
 
 Result<void, FileError> TimingStore::save(const TimingRecord& record) {
-  return file_.store(record);
+  const auto stored = file_.store(record);
+  if (!stored.durable()) return Err(FileError{stored.problem});
+  if (!stored.problem.empty()) log::error("{}", stored.problem);
+  return {};
 }
 
 }  // namespace srfs

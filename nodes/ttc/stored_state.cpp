@@ -87,7 +87,7 @@ KeySelection StoredState::load_keys(UplinkConfig& config, std::vector<TtcCore::K
     }
   }
   if (found.damaged.empty()) return selection;
-  if (const auto stored = file.store(selection); !stored) log::error("{}", stored.error().message);
+  if (const auto stored = file.store(selection); !stored.problem.empty()) log::error("{}", stored.problem);
   return selection;
 }
 
@@ -151,7 +151,9 @@ bool StoredState::write(const std::string& name, const std::string& text) const 
 }
 
 bool StoredState::write_keys(const KeySelection& selection) const {
-  return key_selection_file(folder_ / "key_selection").store(selection).has_value();
+  const auto stored = key_selection_file(folder_ / "key_selection").store(selection);
+  if (!stored.problem.empty()) log::error("{}", stored.problem);
+  return stored.durable();
 }
 
 void StoredState::copy_link_state(const LinkState& state) {

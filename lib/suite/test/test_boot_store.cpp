@@ -30,7 +30,7 @@ TEST_F(BootStoreTest, GivesBackTheRecordWhicheverCopyIsLost) {
   for (const char* lost : {"record_a", "record_b"}) {
     for (const bool removed : {true, false}) {
       const wire::BootRecord record{.count = 5, .boot_id = "a", .revision = 9};
-      ASSERT_TRUE(BootStore(folder).store(record).has_value());
+      ASSERT_EQ(BootStore(folder).store(record).copies, 2U);
       if (removed) {
         std::filesystem::remove(folder / lost);
       } else {
@@ -42,16 +42,16 @@ TEST_F(BootStoreTest, GivesBackTheRecordWhicheverCopyIsLost) {
 }
 
 TEST_F(BootStoreTest, TakesTheNewerCopyAfterAPowerLossBetweenTheTwo) {
-  ASSERT_TRUE(BootStore(folder).store({.count = 5, .boot_id = "a", .revision = 9}).has_value());
+  ASSERT_EQ(BootStore(folder).store({.count = 5, .boot_id = "a", .revision = 9}).copies, 2U);
   std::filesystem::rename(folder / "record_b", folder / "old");
-  ASSERT_TRUE(BootStore(folder).store({.count = 6, .boot_id = "b", .revision = 10}).has_value());
+  ASSERT_EQ(BootStore(folder).store({.count = 6, .boot_id = "b", .revision = 10}).copies, 2U);
   std::filesystem::rename(folder / "old", folder / "record_b");
   EXPECT_EQ(BootStore(folder).load().state->count, 6U);
 }
 
 TEST_F(BootStoreTest, SaysWhenTheDiskDoesNotTakeIt) {
   std::ofstream(folder / "file") << "in the way";
-  EXPECT_FALSE(BootStore(folder / "file").store({}).has_value());
+  EXPECT_FALSE(BootStore(folder / "file").store({}).durable());
 }
 
 }  // namespace

@@ -133,7 +133,7 @@ TEST(UpdateJournalTest, of_two_copies_the_newer_sound_one_counts) {
   const testing_support::TemporaryFolder folder;
   EXPECT_FALSE(update_journal_file(folder.path()).load().existed());
   UpdateJournal journal = begun();
-  ASSERT_TRUE(update_journal_file(folder.path()).store(journal));
+  ASSERT_EQ(update_journal_file(folder.path()).store(journal).copies, 2U);
   UpdateJournal later = journal;
   later.set(UpdateStep::self_test);
   ASSERT_TRUE(write_file_atomically(folder.path() / "updates_a", encode(later)));  // then the power was lost

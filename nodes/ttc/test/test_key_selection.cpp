@@ -13,9 +13,6 @@ const KeySelection second{.generation = 2, .sets = {{0, KeySet::b}, {3, KeySet::
 
 class StoredKeySelection : public testing::Test {
  protected:
-  void damage(const char* copy) {
-    ASSERT_TRUE(write_file_atomically(path_.string() + copy, "2 0:a 3:a 00000000\n"));
-  }
   const testing_support::TemporaryFolder temporary_;
   const std::filesystem::path path_ = temporary_.path() / "key_selection";
 };
@@ -40,7 +37,7 @@ TEST(KeySelectionText, IsRefusedWithAnyOctetChangedOrMissing) {
 
 TEST_F(StoredKeySelection, LiesInTwoCopiesOfWhichTheOneWithMoreChangesIsTrue) {
   EXPECT_FALSE(key_selection_file(path_).load().existed());
-  ASSERT_TRUE(key_selection_file(path_).store(second));
+  ASSERT_EQ(key_selection_file(path_).store(second).copies, 2U);
   ASSERT_TRUE(write_file_atomically(path_.string() + ".0",
                                     encode_key_selection({.generation = 1, .sets = {{0, KeySet::a}}})));
   EXPECT_EQ(key_selection_file(path_).load().state, second);
