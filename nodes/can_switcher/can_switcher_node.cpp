@@ -13,6 +13,7 @@
 #include "base/saturate.hpp"
 #include "hw/open.hpp"
 #include "nodes/can_switcher/holder_kill.hpp"
+#include "nodes/can_switcher/power_lines.hpp"
 #include "suite/ring/heartbeat_page.hpp"
 
 namespace srfs {
@@ -596,22 +597,23 @@ void CanSwitcherNode::run(PowerActions actions) {
 }
 
 void CanSwitcherNode::carry_out(const CutPower& action) {
-  using Set = std::optional<Result<void, hw::GpioError>>;
+  const auto attended = [paths = var()](std::string_view payload) {
+    return suite::find_instance(paths, std::string(payload)).has_value();
+  };
+  const auto open_chip = [root = var().root,
+                          uri = device("gpio")]() -> Result<std::unique_ptr<hw::GpioLines>, std::string> {
+    auto opened = hw::open_gpio(uri, root);
+    if (!opened) return Err(opened.error().message);
+    return std::move(*opened);
+  };
   const bool taken = gpio_worker_->ask(
-      [paths = var(), uri = device("gpio"), &peripheral = *action.peripheral,
-       &lines = power_lines_.at(action.peripheral->power_line)]() -> Set {
-        if (suite::find_instance(paths, std::string(peripheral.payload))) return std::nullopt;
-        if (!lines) {
-          auto opened = hw::open_gpio(uri, paths.root);
-          if (!opened) {
-            log::error("{}", opened.error().message);
-            return Result<void, hw::GpioError>(Err(hw::GpioError::gone));
-          }
-          lines = std::move(*opened);
-        }
-        return lines->set_line(peripheral.power_line, false);
+      [access = PowerAccess{attended, open_chip}, &peripheral = *action.peripheral,
+       &lines = power_lines_.at(action.peripheral->power_line)] {
+        return cut_power(peripheral, lines, access);
       },
-      [this, &peripheral = *action.peripheral](const Set& set) { run(power_cut_.on_cut(peripheral, set)); });
+      [this, &peripheral = *action.peripheral](const std::optional<Result<void, hw::GpioError>>& set) {
+        run(power_cut_.on_cut(peripheral, set));
+      });
   if (!taken) power_cut_.on_refused(*action.peripheral);
 }
 
