@@ -24,7 +24,7 @@ struct TelecommandText {
   std::vector<std::string> arguments;
 };
 
-using mission::Stage;
+using Stage = mission::VerificationStage;
 
 /// What became of a telecommand: passed and failed say it of the stage of a PUS 1 report, the others are the
 /// ground's own.

@@ -82,7 +82,9 @@ void AddedNodes::on_loaded(LoadedDictionary loaded, std::uint32_t revision, TtcC
   for (const mission::Command& command : old->commands()) {
     if (command.node != core.node()) longest = std::max(longest, command.timeout);
   }
-  retired_.push_back({now + retired_lifetime + longest, std::move(old)});
+  // A telecommand of an earlier process has the timeout of the dictionary that it was accepted with.
+  const MonotonicTime last_end = std::max(now + longest, core.latest_forwarded_end().value_or(now));
+  retired_.push_back({last_end + retired_lifetime, std::move(old)});
 }
 
 void AddedNodes::fill(TtcCore& core) const {

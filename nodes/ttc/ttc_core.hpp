@@ -262,6 +262,8 @@ class TtcCore {
   void on_telecommand_report(const std::string& from, const StageReached& report, MonotonicTime now) {
     forwarder_.on_report(from, report, now);
   }
+  /// When the last telecommand that is with a node now has ended at the latest; nullopt: none is.
+  [[nodiscard]] std::optional<MonotonicTime> latest_forwarded_end() const { return forwarder_.latest_end(); }
   void on_acceptance_sent(nanoseconds latency) { acceptance_latency_.add(latency); }
   void on_connection_answer(bool answered) { connections_.on_answer(answered); }
   [[nodiscard]] ParameterService& parameters() { return parameters_; }

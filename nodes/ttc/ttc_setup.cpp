@@ -271,17 +271,18 @@ ros::CallbackReturn TtcNode::on_configure() {
   const auto mib = [this](const char* parameter) {
     return static_cast<std::uint64_t>(get_parameter<std::int64_t>(parameter)) << 20;
   };
-  TtcDisk::Parts parts{
-      .state = std::make_unique<StoredState>(state_dir()),
-      .frame_counts = FrameCountFile(state_dir() / "frame_counts"),
-      .stores = std::make_unique<PacketStores>(added_.dictionary(), var().root / "store"),
-      .files = {.root = var().root / "files",
-                .images = var().root / "images",
-                .checkpoint = state_dir() / "cfdp",
-                .uplink_quota_octets = mib("uplink_quota_mib"),
-                .free_floor_octets = mib("free_floor_mib"),
-                // Less than one file a second was ever sent.
-                .first_transaction = static_cast<std::uint32_t>(system_utc_now().ns() / 1'000'000'000)}};
+  TtcDisk::Parts parts{.state = std::make_unique<StoredState>(state_dir()),
+                       .frame_counts = FrameCountFile(state_dir() / "frame_counts"),
+                       .stores = std::make_unique<PacketStores>(added_.dictionary(), var().root / "store"),
+                       .files = {.root = var().root / "files",
+                                 .images = var().root / "images",
+                                 .checkpoint = state_dir() / "cfdp",
+                                 .uplink_quota_octets = mib("uplink_quota_mib"),
+                                 .free_floor_octets = mib("free_floor_mib"),
+                                 // Less than one file a second was ever sent.
+                                 .first_transaction = [] {
+                                   return static_cast<std::uint32_t>(system_utc_now().ns() / 1'000'000'000);
+                                 }}};
   TtcCore::Setup setup = read_setup(*parts.state, parts.frame_counts, std::move(*channels), *downlink);
   setup.unusable_keys = std::move(unusable_keys);
   core_ = std::make_unique<TtcCore>(std::move(setup));

@@ -30,7 +30,7 @@ void encode_report(OctetWriter& out, const StageReport& report, bool was_reporte
 std::pair<StageReport, bool> decode_report(OctetReader& in) {
   StageReport report;
   report.id = in.u64();
-  report.stage = static_cast<TelecommandStage>(in.u8());
+  report.stage = static_cast<Stage>(in.u8());
   const std::uint8_t flags = in.u8();
   report.success = (flags & succeeded) != 0;
   report.failure = in.u16();
@@ -88,9 +88,8 @@ Result<void, JournalError> TelecommandJournal::restore(OctetView content) {
   std::vector<StageReport> unreported;
   for (std::size_t n = in.u8(); n > 0 && in.ok(); --n) {
     const auto [report, was_reported] = decode_report(in);
-    const bool is_stage = report.stage == TelecommandStage::accepted ||
-                          report.stage == TelecommandStage::started ||
-                          report.stage == TelecommandStage::completed;
+    const bool is_stage = report.stage == Stage::acceptance || report.stage == Stage::start ||
+                          report.stage == Stage::completion;
     if (!is_stage) return Err(JournalError::damaged);
     known.push_back(report);
     if (!was_reported) unreported.push_back(report);
@@ -107,7 +106,7 @@ Result<void, JournalError> TelecommandJournal::restore(OctetView content) {
   for (Pending& p : pending) {
     const std::uint64_t id = p.telecommand.id;
     if (p.started) {
-      remember({id, TelecommandStage::completed, false, mission::failure::interrupted});
+      remember({id, Stage::completion, false, mission::failure::interrupted});
     } else if (!same_boot) {
       remember(too_late(p));
     } else {
@@ -158,15 +157,15 @@ TelecommandJournal::Arrival TelecommandJournal::add(StoredTelecommand telecomman
 
 void TelecommandJournal::refuse(std::uint64_t id, FailureCode why) {
   ++counters_.refused;
-  ready_.push_back({id, TelecommandStage::accepted, false, why});
+  ready_.push_back({id, Stage::acceptance, false, why});
 }
 
 StageReport TelecommandJournal::too_late(const Pending& pending) {
   const std::uint64_t id = pending.telecommand.id;
   if (pending.restored && pending.telecommand.repeat != RepeatClass::at_most_once)
-    return {id, TelecommandStage::completed, false, mission::failure::interrupted};
+    return {id, Stage::completion, false, mission::failure::interrupted};
   ++counters_.expired;
-  return {id, TelecommandStage::started, false, mission::failure::expired};
+  return {id, Stage::start, false, mission::failure::expired};
 }
 
 const StoredTelecommand* TelecommandJournal::next(MonotonicTime now) {
@@ -203,8 +202,7 @@ void TelecommandJournal::begin() {
   Pending& front = pending_.front();
   assert(front.telecommand.repeat != RepeatClass::at_most_once || start_is_durable());
   ++front.attempts;
-  if (!front.start_reported)
-    ready_.push_back({.id = front.telecommand.id, .stage = TelecommandStage::started});
+  if (!front.start_reported) ready_.push_back({.id = front.telecommand.id, .stage = Stage::start});
   front.start_reported = true;
 }
 
@@ -228,8 +226,7 @@ void TelecommandJournal::on_ids_lost() {
 
 void TelecommandJournal::finish(FailureCode outcome) {
   assert(!pending_.empty());
-  end_front({pending_.front().telecommand.id, TelecommandStage::completed, outcome == mission::failure::none,
-             outcome});
+  end_front({pending_.front().telecommand.id, Stage::completion, outcome == mission::failure::none, outcome});
 }
 
 void TelecommandJournal::end_front(const StageReport& report) {

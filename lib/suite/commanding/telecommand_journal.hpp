@@ -17,9 +17,7 @@
 namespace srfs {
 
 using mission::RepeatClass;
-
-/// Stages of srfs_msgs/TelecommandReport.
-enum class TelecommandStage : std::uint8_t { accepted = 1, started = 3, completed = 7 };
+using Stage = mission::VerificationStage;
 
 /// Of mission::failure, or of an added node's own dictionary; 0: none.
 using FailureCode = std::uint16_t;
@@ -40,7 +38,7 @@ struct StoredTelecommand {
 /// One stage reached or missed.
 struct StageReport {
   std::uint64_t id = 0;
-  TelecommandStage stage = TelecommandStage::accepted;
+  Stage stage = Stage::acceptance;
   bool success = true;
   FailureCode failure = mission::failure::none;
   friend bool operator==(const StageReport&, const StageReport&) = default;

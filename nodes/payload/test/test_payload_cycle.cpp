@@ -517,7 +517,7 @@ TEST_F(PayloadCycleTest, ExecutesStoredTelecommandsInOrderInItsNextSlot) {
   auto request = std::get<wire::CommandRequest>(find<SendRequest>(actions)->body);
   EXPECT_EQ(request.telecommand_id, 7U);  // the low 32 bits
   EXPECT_EQ(request.arguments, Octets{9});
-  EXPECT_EQ(find<StageReport>(actions)->stage, TelecommandStage::started);
+  EXPECT_EQ(find<StageReport>(actions)->stage, Stage::start);
 
   actions = command_answer(7);
   ASSERT_TRUE(sends<wire::CommandRequest>(actions));

@@ -218,8 +218,8 @@ class World {
   }
   void check(const PayloadEvent& /*event*/) {}
   void check(const StageReport& report) {
-    if (report.stage == TelecommandStage::accepted) return;
-    if (report.stage == TelecommandStage::started && report.success) return;
+    if (report.stage == Stage::acceptance) return;
+    if (report.stage == Stage::start && report.success) return;
     const auto [before, first] = ended_.try_emplace(report.id, report);
     if (!first) {
       ASSERT_EQ(before->second, report) << "two different ends";

@@ -81,7 +81,7 @@ void CommandForwarder::publish(Entry& entry, MonotonicTime now) {
 
 void CommandForwarder::take(Node& node, Entry entry, MonotonicTime now) {
   entry.progress.taken = true;
-  entry.give_up = std::max(entry.give_up, entry.telecommand.expiry + completion_grace);
+  entry.give_up = entry.latest_end();
   entry.publish_next = now + ask_period;
   taken_.push_back(entry.id());
   node.executing.push_back(std::move(entry));
@@ -210,6 +210,16 @@ std::optional<MonotonicTime> CommandForwarder::next_due() const {
     for (const Entry& entry : node.executing) sooner(std::min(entry.publish_next, entry.give_up));
   }
   return next;
+}
+
+std::optional<MonotonicTime> CommandForwarder::latest_end() const {
+  std::optional<MonotonicTime> latest;
+  for (const auto& [name, node] : nodes_) {
+    for (const auto* waiting : {&node.queued, &node.unacknowledged, &node.executing}) {
+      for (const Entry& entry : *waiting) latest = std::max(latest, std::optional(entry.latest_end()));
+    }
+  }
+  return latest;
 }
 
 std::size_t CommandForwarder::under_way() const {

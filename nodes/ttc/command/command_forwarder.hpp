@@ -85,6 +85,8 @@ class CommandForwarder {
   /// Ids of commands that their node has accepted since the last call.
   [[nodiscard]] std::vector<std::uint64_t> take_taken() { return std::exchange(taken_, {}); }
 
+  /// When the last one under way has ended at the latest, done or given up; nullopt: there is none.
+  [[nodiscard]] std::optional<MonotonicTime> latest_end() const;
   /// Commands not completed, of all nodes.
   [[nodiscard]] std::size_t under_way() const;
   [[nodiscard]] const ForwardingCounters& counters() const { return counters_; }
@@ -96,6 +98,10 @@ class CommandForwarder {
     MonotonicTime publish_next;
     MonotonicTime give_up;  ///< not taken, or then not ended until then: it failed
 
+    /// Also if its node takes it in the last instant.
+    [[nodiscard]] MonotonicTime latest_end() const {
+      return std::max(give_up, telecommand.expiry + completion_grace);
+    }
     [[nodiscard]] std::uint64_t id() const { return telecommand.origin.id; }
     [[nodiscard]] const std::string& target() const { return telecommand.command->node; }
   };

@@ -27,7 +27,7 @@ Result<void, std::string> FilesFolder::open(MonotonicTime now) {
                                 .receiving_octets_max = settings_.uplink_quota_octets,
                                 .free_floor_octets = settings_.free_floor_octets};
   auto opened = cfdp::TransferFolders::open(settings_.root, settings_.checkpoint, settings,
-                                            settings_.first_transaction, now);
+                                            settings_.first_transaction(), now);
   if (!opened) return Err(opened.error().message);
   transfer_folders_ = std::move(*opened);
   if (transfer_folders_->damaged()) {

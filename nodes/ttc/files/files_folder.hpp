@@ -4,6 +4,7 @@
 
 #include <cstdint>
 #include <filesystem>
+#include <functional>
 #include <memory>
 #include <string>
 
@@ -27,8 +28,9 @@ class FilesFolder {
     std::filesystem::path checkpoint;  ///< of CFDP
     std::uint64_t uplink_quota_octets = 0;
     std::uint64_t free_floor_octets = 0;
-    /// Above all numbers that were ever used, should the checkpoint be lost.
-    std::uint32_t first_transaction = 0;
+    /// Above all numbers that were ever used, should the checkpoint be lost: asked when the folder is opened,
+    /// because the clock may not be set before. On the worker.
+    std::function<std::uint32_t()> first_transaction;
   };
   explicit FilesFolder(const Settings& settings)
       : settings_(settings), manager_(settings.root), images_(settings.images, settings.root) {}

@@ -12,7 +12,7 @@
 
 namespace srfs {
 
-using mission::Stage;
+using Stage = mission::VerificationStage;
 
 /// Where the reports go, and which ones were asked for.
 struct TelecommandOrigin {

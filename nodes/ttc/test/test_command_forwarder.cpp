@@ -260,5 +260,17 @@ TEST_F(Forwarding, ACommandWhoseCompletionIsNeverReportedEndsToo) {
   EXPECT_EQ(forwarder_.under_way(), 0U);
 }
 
+TEST_F(Forwarding, SaysWhenTheLastOneUnderWayHasEndedAtTheLatest) {
+  EXPECT_FALSE(forwarder_.latest_end());
+  const std::uint64_t id = restore({.taken = true}, 0);
+  EXPECT_EQ(forwarder_.latest_end(), at(10'000) + CommandForwarder::completion_grace);
+  submit("payload_adcs", 1000, 86'400'000);
+  EXPECT_EQ(forwarder_.latest_end(), at(86'401'000) + CommandForwarder::completion_grace)
+      << "taken at the last instant";
+  report(id, Stage::completion, 2000);
+  forwarder_.on_time(at(86'402'000) + CommandForwarder::completion_grace);
+  EXPECT_FALSE(forwarder_.latest_end());
+}
+
 }  // namespace
 }  // namespace srfs

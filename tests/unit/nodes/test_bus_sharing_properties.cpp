@@ -1168,11 +1168,11 @@ class World {
 
   void on_stage(std::uint8_t /*who*/, const StageReport& report) {
     Telecommand& t = telecommands_[static_cast<std::uint32_t>(report.id)];
-    if (report.stage == TelecommandStage::accepted) {
+    if (report.stage == Stage::acceptance) {
       (report.success ? t.accepted : t.refused) = true;
       return;
     }
-    if (report.stage == TelecommandStage::started && report.success) return;
+    if (report.stage == Stage::start && report.success) return;
     if (t.end) {
       ASSERT_EQ(*t.end, report) << "two different ends of telecommand " << report.id;
       return;

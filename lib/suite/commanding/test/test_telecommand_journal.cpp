@@ -23,12 +23,12 @@ StageReport accepted(std::uint64_t id) {
   return {.id = id};
 }
 StageReport started(std::uint64_t id) {
-  return {.id = id, .stage = TelecommandStage::started};
+  return {.id = id, .stage = Stage::start};
 }
 StageReport completed(std::uint64_t id) {
-  return {.id = id, .stage = TelecommandStage::completed};
+  return {.id = id, .stage = Stage::completion};
 }
-StageReport failed(std::uint64_t id, FailureCode why, TelecommandStage stage = TelecommandStage::completed) {
+StageReport failed(std::uint64_t id, FailureCode why, Stage stage = Stage::completion) {
   return {id, stage, false, why};
 }
 
@@ -94,7 +94,7 @@ TEST_F(TelecommandJournalTest, RefusesTheSeventeenth) {
   for (std::uint64_t id = 1; id <= TelecommandJournal::capacity; ++id) store(command(id));
   EXPECT_EQ(journal.add(command(99)), TelecommandJournal::Arrival::full);
   EXPECT_THAT(journal.take_reports(),
-              ElementsAre(failed(99, mission::failure::queue_full, TelecommandStage::accepted)));
+              ElementsAre(failed(99, mission::failure::queue_full, Stage::acceptance)));
 }
 
 TEST_F(TelecommandJournalTest, EndsExpiredTelecommandsWithoutStartingThem) {
@@ -103,8 +103,7 @@ TEST_F(TelecommandJournalTest, EndsExpiredTelecommandsWithoutStartingThem) {
   ASSERT_NE(journal.next(now), nullptr);
   EXPECT_EQ(journal.next(now)->id, 2U);
   write();
-  EXPECT_THAT(journal.take_reports(),
-              ElementsAre(failed(1, mission::failure::expired, TelecommandStage::started)));
+  EXPECT_THAT(journal.take_reports(), ElementsAre(failed(1, mission::failure::expired, Stage::start)));
 }
 
 TEST_F(TelecommandJournalTest, TriesThreeTimesWhatMayBeRepeated) {
@@ -198,8 +197,7 @@ TEST_F(TelecommandJournalTest, ExpiresACommandWhoseStartWasRecordedAndThatWasNot
   journal.mark_started();
   EXPECT_EQ(journal.next(now + seconds(1)), nullptr);
   write();
-  EXPECT_THAT(journal.take_reports(),
-              ElementsAre(failed(1, mission::failure::expired, TelecommandStage::started)));
+  EXPECT_THAT(journal.take_reports(), ElementsAre(failed(1, mission::failure::expired, Stage::start)));
 }
 
 struct JournalAfterACrash : Journal {
@@ -235,7 +233,7 @@ TEST_F(JournalAfterACrashTest, ClaimsThatACommandDidNotStartOnlyWhereItsStartWou
   for (const char* boot : {"boot-a", "boot-b"}) {
     journal = TelecommandJournal("boot-a");
     EXPECT_THAT(reports_of(RepeatClass::at_most_once, false, boot),
-                ElementsAre(failed(1, mission::failure::expired, TelecommandStage::started)));
+                ElementsAre(failed(1, mission::failure::expired, Stage::start)));
     journal = TelecommandJournal("boot-a");
     EXPECT_THAT(reports_of(RepeatClass::by_id, false, boot),
                 ElementsAre(failed(1, mission::failure::interrupted)));
@@ -265,8 +263,7 @@ TEST_F(TelecommandJournalTest, RefusesWhatCannotBeStoredAndStillReportsEnds) {
   (void)journal.take_reports();
   journal.on_written(journal.revision(), false);
   EXPECT_THAT(journal.take_reports(),
-              ElementsAre(completed(1),
-                          failed(2, mission::failure::storage_unavailable, TelecommandStage::accepted)));
+              ElementsAre(completed(1), failed(2, mission::failure::storage_unavailable, Stage::acceptance)));
   EXPECT_EQ(journal.pending(), 0U);
 }
 
