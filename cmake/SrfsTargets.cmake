@@ -58,8 +58,8 @@ function(srfs_add_executable name)
   endif()
 endfunction()
 
-# add_srfs_node(<folder> [LOGIC <pure sources>] [ADAPTER <sources>] [DEPS ...] [TEST <test sources>]): one node, from one list:
-#   srfs_<folder>_logic    without DDS or hardware, with a unit test
+# add_srfs_node(<folder> [LOGIC <pure sources> [TEST <test sources>]] [ADAPTER <sources>] [DEPS ...]): one node, from one list:
+#   srfs_<folder>_logic    without DDS or hardware (maintenance: suite_files reaches locks and processes), with a unit test
 #   srfs_<folder>_adapter  the node itself, for its program and for tests with real DDS
 #   <folder>_node          main.cpp and the adapter
 function(add_srfs_node name)
@@ -71,13 +71,15 @@ function(add_srfs_node name)
   endif()
   if(ARG_ADAPTER)
     srfs_add_library(srfs_${name}_adapter SOURCES ${ARG_ADAPTER} DEPS ${deps})
-    set_target_properties(srfs_${name}_adapter PROPERTIES POSITION_INDEPENDENT_CODE OFF)  # as programs: they share precompiled headers
+    # Compiled as programs are: they share precompiled headers.
+    set_target_properties(srfs_${name}_adapter PROPERTIES POSITION_INDEPENDENT_CODE OFF)
+    target_compile_options(srfs_${name}_adapter PRIVATE ${CMAKE_CXX_COMPILE_OPTIONS_PIE})
     srfs_precompile(srfs_${name}_adapter nodes HEADERS <suite/node.hpp> DEPS srfs_suite)
     set(deps srfs_${name}_adapter)
   endif()
   srfs_add_executable(${name}_node SOURCES main.cpp DEPS ${deps})
   srfs_precompile(${name}_node nodes HEADERS <suite/node.hpp> DEPS srfs_suite)
-  if(ARG_TEST)
+  if(ARG_TEST AND ARG_LOGIC)
     srfs_add_unit_test(${name}_logic SOURCES ${ARG_TEST} DEPS srfs_${name}_logic)
   endif()
 endfunction()

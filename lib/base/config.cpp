@@ -46,7 +46,8 @@ ConfigSection ConfigSection::load(const std::filesystem::path& file) {
     if (!one.has("extends")) break;
     const std::string name = one.text("extends");
     next.replace_filename(name + ".yaml");
-    if (name.find('/') != std::string::npos || !std::filesystem::is_regular_file(next))
+    std::error_code ec;
+    if (name.find('/') != std::string::npos || !std::filesystem::is_regular_file(next, ec))
       throw one.bad("extends",
                     fmt::format("the name of a file in this folder, without .yaml ({})", next.string()));
     for (const Layer& layer : layers)

@@ -162,7 +162,8 @@ void check_names(const Deployment& d, const ConfigSection& root) {
 std::string refusal_of_remap(const ros::RemapRule& rule, const std::string& node) {
   if (rule.from.starts_with("__"))
     return fmt::format("'{}': a suite knows its nodes by their names", rule.from);
-  if (rule.from.starts_with("~/") || rule.from.starts_with("/" + node + "/"))
+  const std::string from = ros::NodeNames(node).resolve(rule.from, ros::NameKind::topic);
+  if (from.starts_with("/" + node + "/"))
     return fmt::format("'{}': the suite reaches the node there", rule.from);
   return {};
 }

@@ -210,6 +210,73 @@ struct RingPart {
   LivenessRing ring;
 };
 
+/// Proves from now on that the node runs here. @return its incarnation
+std::uint32_t begin_incarnation(InstanceLock& lock, const VarPaths& var, const std::string& node,
+                                std::optional<HeartbeatPage>& page) {
+  const auto incarnation = next_incarnation(var, node);
+  if (!incarnation.not_durable_because.empty()) {
+    log::error("incarnation {} is not durable: {}", incarnation.number, incarnation.not_durable_because);
+  }
+  lock.publish(incarnation.number, version());
+  if (auto created = HeartbeatPage::create(var, node, incarnation.number)) {
+    page = std::move(*created);
+    install_crash_handler(*page);
+  } else {
+    log::error("no heartbeat page, so the ring treats silence as death: {}", created.error());
+  }
+  return incarnation.number;
+}
+
+void follow_added_nodes(LiveDeployment& live, Node& node, LivenessRing* ring) {
+  if (!live.refresh()) return;
+  for (const std::string& problem : live.current().added_problems) log::error("{}", problem);
+  log::info("the suite has {} added nodes (revision {})", live.current().added.size(),
+            live.current().added_revision);
+  if (ring != nullptr) ring->on_deployment_changed();
+  node.on_deployment_changed();
+}
+
+/// Until it is told to stop. @param signals  of the end, on a descriptor
+ExitCode work(ros::Executor& executor, Node& node, LiveDeployment& live, const NodeEntry& entry,
+              const Fd& signals) {
+  bool stopping = false;
+  ExitCode exit_code = ExitCode::stopped;
+  const auto signal_watch = executor.add_fd(
+      signals.get(), EPOLLIN,
+      [&](std::uint32_t) {
+        signalfd_siginfo info{};
+        if (read(signals.get(), &info, sizeof info) != sizeof info) return;
+        log::info("stopping: signal {} from pid {}", info.ssi_signo, info.ssi_pid);
+        stopping = true;
+      },
+      "signals");
+  std::optional<RingPart> ring;
+  if (live.first().ring.enabled) {
+    ring.emplace(node, [&] {
+      exit_code = ExitCode::deaf;
+      stopping = true;
+    });
+  }
+  const ros::Timer changes = executor.add_timer(
+      monotonic_now() + deployment_review, deployment_review,
+      [&] { follow_added_nodes(live, node, ring ? &ring->ring : nullptr); }, "added nodes");
+  const NodeRunner runner(executor, node,
+                          suite::desired_state(node.var(), live.first(), node.name(), monotonic_now()),
+                          session_niceness_of(entry.scheduling));
+  while (!stopping && executor.spin_once(nanoseconds::max())) {
+  }
+  return exit_code;
+}
+
+/// In order: what deactivation set going (the release of the bus) gets its time before the devices are
+/// closed.
+void shut_down(ros::Executor& executor, Node& node) {
+  if (node.is_active()) node.go_to(ros::State::inactive);
+  executor.spin_until([&] { return node.is_at_rest(); }, monotonic_now() + longest_rest);
+  node.go_to(ros::State::unconfigured);
+  node.go_to(ros::State::finalized);
+}
+
 /// @param page this process' heartbeat page, once there is one
 int run(const Arguments& arguments, const NodeFactory& factory, std::optional<HeartbeatPage>& page) {
   const Fd signals = termination_signals();
@@ -228,17 +295,7 @@ int run(const Arguments& arguments, const NodeFactory& factory, std::optional<He
     log::error("{}", lock.error());
     return code(ExitCode::already_running);
   }
-  const auto incarnation = next_incarnation(var, arguments.name);
-  if (!incarnation.not_durable_because.empty()) {
-    log::error("incarnation {} is not durable: {}", incarnation.number, incarnation.not_durable_because);
-  }
-  lock->publish(incarnation.number, version());
-  if (auto created = HeartbeatPage::create(var, arguments.name, incarnation.number)) {
-    page = std::move(*created);
-    install_crash_handler(*page);
-  } else {
-    log::error("no heartbeat page, so the ring treats silence as death: {}", created.error());
-  }
+  const std::uint32_t incarnation = begin_incarnation(*lock, var, arguments.name, page);
   arrange_real_time(*entry);
   check_control_group(*entry);
 
@@ -252,7 +309,7 @@ int run(const Arguments& arguments, const NodeFactory& factory, std::optional<He
   ros::Executor executor;
   if (page) executor.on_turn([&page](MonotonicTime now) { page->beat(now); });
   ros::ParticipantOptions options{*domain, deployment.interfaces, &executor,
-                                  ros::SuiteIdentity{deployment.name, arguments.name, incarnation.number}};
+                                  ros::SuiteIdentity{deployment.name, arguments.name, incarnation}};
   options.drop_foreign = deployment.drop_foreign;
   if (deployment.ring.enabled) options.lease = lease_beside_the_ring;
   auto participant = ros::Participant::create(options);
@@ -260,54 +317,15 @@ int run(const Arguments& arguments, const NodeFactory& factory, std::optional<He
     log::error("{}", participant.error());
     return code(ExitCode::middleware);
   }
-  NodeContext context{arguments.name,          deployment, var,
-                      incarnation.number,      executor,   **participant,
-                      page ? &*page : nullptr, &live,      arguments.remap};
+  NodeContext context{
+      arguments.name, deployment,     var, incarnation, executor, **participant, page ? &*page : nullptr,
+      &live,          arguments.remap};
   const std::unique_ptr<Node> node = factory(context);
   node->finish_declarations();
-  log::info("up: incarnation {}, version {}, pid {}, DDS domain {}", context.incarnation, version(), getpid(),
+  log::info("up: incarnation {}, version {}, pid {}, DDS domain {}", incarnation, version(), getpid(),
             *domain);
-
-  bool stopping = false;
-  ExitCode exit_code = ExitCode::stopped;
-  const auto signal_watch = executor.add_fd(
-      signals.get(), EPOLLIN,
-      [&](std::uint32_t) {
-        signalfd_siginfo info{};
-        if (read(signals.get(), &info, sizeof info) != sizeof info) return;
-        log::info("stopping: signal {} from pid {}", info.ssi_signo, info.ssi_pid);
-        stopping = true;
-      },
-      "signals");
-  {
-    std::optional<RingPart> ring;
-    if (deployment.ring.enabled) {
-      ring.emplace(*node, [&] {
-        exit_code = ExitCode::deaf;
-        stopping = true;
-      });
-    }
-    const ros::Timer changes = executor.add_timer(
-        monotonic_now() + deployment_review, deployment_review,
-        [&] {
-          if (!live.refresh()) return;
-          for (const std::string& problem : live.current().added_problems) log::error("{}", problem);
-          log::info("the suite has {} added nodes (revision {})", live.current().added.size(),
-                    live.current().added_revision);
-          if (ring) ring->ring.on_deployment_changed();
-          node->on_deployment_changed();
-        },
-        "added nodes");
-    const NodeRunner runner(executor, *node, desired_state(var, deployment, arguments.name, monotonic_now()),
-                            session_niceness_of(entry->scheduling));
-    while (!stopping && executor.spin_once(nanoseconds::max())) {
-    }
-  }
-  if (node->is_active()) node->go_to(ros::State::inactive);
-  // What deactivation set going (the release of the bus) gets its time before the devices are closed.
-  executor.spin_until([&] { return node->is_at_rest(); }, monotonic_now() + longest_rest);
-  node->go_to(ros::State::unconfigured);
-  node->go_to(ros::State::finalized);
+  const ExitCode exit_code = work(executor, *node, live, *entry, signals);
+  shut_down(executor, *node);
   return code(exit_code);
 }
 
@@ -448,7 +466,10 @@ int run_node(int argc, char** argv, const NodeFactory& factory) {
   app.add_option("--added-nodes", arguments.added_nodes,
                  "With --self-test of an added node: the list of added nodes");
   app.set_version_flag("--version", version());
-  app.footer("--ros-args -r FROM:=TO gives a topic or service another name, as in ROS 2.");
+  app.footer(
+      "--ros-args -r FROM:=TO gives a topic or service another name, as in ROS 2, until the ring restarts "
+      "the "
+      "node; `remap` of the deployment does so for good.");
   if (const auto ended = read_arguments(app, argc, argv, arguments)) return *ended;
   log::set_name(arguments.name);
   std::optional<HeartbeatPage> page;

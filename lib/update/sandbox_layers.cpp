@@ -253,6 +253,7 @@ Step filter_system_calls(AllowedSockets sockets) {
        {CLONE_NEWNS, CLONE_NEWUSER, CLONE_NEWPID, CLONE_NEWNET, CLONE_NEWIPC, CLONE_NEWUTS, CLONE_NEWCGROUP})
     refuse(SCMP_SYS(clone), EPERM, {{0, SCMP_CMP_MASKED_EQ, name_space, name_space}});
   // libseccomp has no rule for "none of these".
+  // All 64 bits are compared, though the kernel looks at the lower 32 alone: others set are refused.
   for (std::uint64_t family = 0; family < AF_MAX; ++family)
     if (!sockets.allow(family)) refuse(SCMP_SYS(socket), EACCES, {{0, SCMP_CMP_EQ, family, 0}});
   refuse(SCMP_SYS(socket), EACCES, {{0, SCMP_CMP_GE, AF_MAX, 0}});

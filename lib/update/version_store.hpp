@@ -39,7 +39,7 @@ class VersionStore {
   /// of it: 1 to 2 ms for a megabyte that is in memory.
   [[nodiscard]] std::optional<std::string> damage(const Version& version) const;
   [[nodiscard]] std::string file_of(VersionNumber number) const;
-  /// The folder with the node's state as this version left it (lib/ros/state_files); goes with the version.
+  /// The folder with the node's state as this version left it (lib/suite/state_files); goes with the version.
   [[nodiscard]] static std::string state_of(VersionNumber number);
 
  private:

@@ -221,7 +221,8 @@ void add_self_test(CLI::App& app, Arguments& a) {
                  "DDS domain; must be unused where the program sees the host's loopback interface")
       ->capture_default_str()
       ->check(CLI::Range(0, 232));
-  sub.add_option("--added-nodes", a.added_nodes, "List of added nodes for the program (lib/ros/added_nodes)");
+  sub.add_option("--added-nodes", a.added_nodes,
+                 "List of added nodes for the program (lib/suite/added_nodes)");
   sub.add_option("--log", a.log, "File for the output of the program, 64 KiB");
   sub.final_callback([&a] { a.exit = run(a, run_self_test); });
 }

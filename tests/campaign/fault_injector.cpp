@@ -292,7 +292,8 @@ bool Executor::run_one_source() {
   return false;
 }
 
-// All timers of a node but those of its ring and of run_node, which are made by the executor itself.
+// The timers that node programs and libsrfs_suite make through the node; the ring and run_node ask the
+// executor.
 Timer LifecycleNode::create_timer(nanoseconds period, std::function<void()> callback,
                                   std::string_view timer_name) {
   return executor_.add_timer(monotonic_now() + period, period, unless_idle(std::move(callback)), timer_name);

@@ -8,12 +8,12 @@ fails, so that nothing is swapped. Latencies are those of the nodes themselves.
 """
 
 import contextlib
-import re
 import tempfile
 import threading
 import time
 from pathlib import Path
 
+import deployments
 import mission
 from can_measures import PRIORITIES, spread
 from rotation import Rotation
@@ -30,25 +30,24 @@ UPDATE_S = 120
 REALTIME = {**PRIORITIES, "ttc": 20}
 
 
-def scheduled(text, scheduling):
-    """The text of a deployment with other values of `scheduling`: {node: text in braces}."""
-    for node, value in scheduling.items():
-        text, count = re.subn(rf"(name: {node}\n.*\n    scheduling: )\{{[^}}]*\}}", rf"\1{{ {value} }}", text)
-        if count != 1:
-            raise mission.MissionError(f"the deployment has no node '{node}' with a scheduling", code=2)
-    return text
+def scheduled(deployment, scheduling):
+    """A deployment with other values of `scheduling`: {node: mapping}."""
+    nodes = {node["name"]: node for node in deployment["nodes"]}
+    for name, value in scheduling.items():
+        if name not in nodes:
+            raise mission.MissionError(f"the deployment has no node '{name}'", code=2)
+        nodes[name]["scheduling"] = value
+    return deployment
 
 
 def realtime():
     """{node: scheduling}: housekeeping as on a board."""
-    return {node: f"policy: fifo, priority: {priority}, cpus: []" for node, priority in REALTIME.items()}
+    return {node: {"policy": "fifo", "priority": priority, "cpus": []} for node, priority in REALTIME.items()}
 
 
 def deployment(folder, fifo):
-    text = mission.find_deployment("sim").read_text()
-    file = Path(folder) / "imaging.yaml"
-    file.write_text(scheduled(text, realtime()) if fifo else text)
-    return file
+    sim = deployments.read(mission.find_deployment("sim"))
+    return deployments.write(scheduled(sim, realtime()) if fifo else sim, Path(folder) / "imaging.yaml")
 
 
 def begin_imaging(ground, frames=FRAMES):

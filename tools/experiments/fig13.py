@@ -18,6 +18,7 @@ import json
 import os
 import subprocess
 
+import deployments
 import imaging_measures
 import mission
 import ros_measures
@@ -49,11 +50,10 @@ GROUPS = {"/timing/tick": "tick", "/can/task_flags": "task flags", "/can/bus_sta
 
 def varied(deployment, folder):
     """The deployment with real-time housekeeping, and the image lane on the last CPU."""
-    lane = f"policy: other, priority: 0, background: true, cpus: [{max(os.sched_getaffinity(0))}]"
+    lane = {"policy": "other", "priority": 0, "background": True, "cpus": [max(os.sched_getaffinity(0))]}
     scheduling = {**imaging_measures.realtime(), "image_acquisition": lane, "image_processing": lane}
-    file = folder / "fig13.yaml"
-    file.write_text(imaging_measures.scheduled(mission.find_deployment(deployment).read_text(), scheduling))
-    return file
+    read = deployments.read(mission.find_deployment(deployment))
+    return deployments.write(imaging_measures.scheduled(read, scheduling), folder / "fig13.yaml")
 
 
 def group(topic):

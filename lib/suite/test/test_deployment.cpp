@@ -290,6 +290,7 @@ TEST_F(DeploymentTest, ANodeMayHaveOtherNamesForTopicsButNotForItself) {
   EXPECT_THAT(error_of(text("__ns:=/b")), HasSubstr("a suite knows its nodes by their names"));
   EXPECT_THAT(error_of(text("~/get_state:=/a")), HasSubstr("the suite reaches the node there"));
   EXPECT_THAT(error_of(text("/eps/check_alive:=/a")), HasSubstr("the suite reaches the node there"));
+  EXPECT_THAT(error_of(text("eps/check_alive:=/a")), HasSubstr("the suite reaches the node there"));
 }
 
 }  // namespace

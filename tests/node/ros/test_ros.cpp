@@ -211,6 +211,35 @@ TEST_F(ServiceTest, WithoutAServerACallFailsAtItsDeadlineAndSaysWhy) {
   EXPECT_EQ(*error, CallError::no_server);
 }
 
+TEST_F(RosTest, ANodeWithoutASuiteHasItsNamespaceAndItsOtherNamesOnTheWire) {
+  struct PlainNode : LifecycleNode {
+    using LifecycleNode::LifecycleNode;
+  };
+  PlainNode node(
+      {.names = NodeNames("probe", "/", {*parse_remap_rule("__ns:=/bus_b"), *parse_remap_rule("/a:=/b")}),
+       .executor = executor_,
+       .participant = *here_});
+  int heard = 0;
+  const Topic<srfs_msgs::msg::TaskFlags> topic{"/a", {}};
+  const auto flags = node.create_subscription(topic, [&](const srfs_msgs::msg::TaskFlags&) { ++heard; });
+  Publisher<srfs_msgs::msg::TaskFlags> publisher(*there_, {"/b", {}});
+  Client<lifecycle_msgs::srv::GetState> client(executor_, *there_, "/bus_b/probe/get_state", Qos{},
+                                               Priority::normal);
+  std::optional<std::string> state;
+  client.call({}, seconds(15), 1, [&](const auto& answer) {
+    if (answer) state = answer->current_state.label;
+  });
+  ASSERT_TRUE(wait([&] {
+    publisher.publish({});
+    return state.has_value() && heard > 0;
+  }));
+  EXPECT_EQ(state, "unconfigured");
+  EXPECT_TRUE(node.go_to(State::active));
+  EXPECT_EQ(node.parameters().names(),
+            (std::vector<std::string>{"callback_budget_ms", "log_level", "service_budget_ms",
+                                      "transition_deadline_ms"}));
+}
+
 class TestNode : public suite::Node {
  public:
   explicit TestNode(suite::NodeContext& context) : Node(context) {

@@ -10,6 +10,7 @@ import unittest
 ROOT = pathlib.Path(__file__).resolve().parents[3]
 sys.path[:0] = [str(ROOT / "tools" / "experiments"), str(ROOT / "tools" / "demo")]
 
+import deployments  # noqa: E402
 import fig13  # noqa: E402
 
 
@@ -56,12 +57,14 @@ class TopicsTest(unittest.TestCase):
 
 class DeploymentTest(unittest.TestCase):
     def test_housekeeping_is_real_time_and_the_image_lane_has_one_cpu(self):
-        with tempfile.TemporaryDirectory(prefix="srfs_test_") as folder:
-            lines = fig13.varied("sim", pathlib.Path(folder)).read_text().splitlines()
-        scheduling = {line.split()[2]: lines[i + 2].strip() for i, line in enumerate(lines) if line.startswith("  - name:")}
-        self.assertIn("policy: fifo, priority: 30", scheduling["timing"])
-        self.assertRegex(scheduling["image_processing"], r"policy: other, priority: 0, background: true, cpus: \[\d+\]")
-        self.assertIn("policy: other", scheduling["maintenance"])
+        for deployment in ("sim", "sim_open"):  # the second extends the first
+            with tempfile.TemporaryDirectory(prefix="srfs_test_") as folder:
+                varied = deployments.read(fig13.varied(deployment, pathlib.Path(folder)))
+            scheduling = {node["name"]: node["scheduling"] for node in varied["nodes"]}
+            self.assertEqual((scheduling["timing"]["policy"], scheduling["timing"]["priority"]), ("fifo", 30))
+            self.assertTrue(scheduling["image_processing"]["background"])
+            self.assertEqual(len(scheduling["image_processing"]["cpus"]), 1)
+            self.assertEqual(scheduling["maintenance"]["policy"], "other")
 
 
 if __name__ == "__main__":
