@@ -85,9 +85,12 @@ TEST(DdsDomains, OfOtherUsersAreKnownByTheirPorts) {
   EXPECT_THAT(domains_of_other_users(udp_sockets, 0), ElementsAre(0, 41));
 }
 
+/// Domains that are free for a moment here must not be taken by the tests that run beside (dds_domain.hpp).
+constexpr int apart = 90;
+
 TEST(DdsDomains, OneThatAnotherUsersSuiteHasIsNotTakenAndAWantedOneIs) {
   if (geteuid() != 0) GTEST_SKIP() << "needs root";
-  const int free = DomainLock::allocate(std::nullopt, 60).value().domain();
+  const int free = DomainLock::allocate(std::nullopt, apart).value().domain();
   std::array<int, 2> pipe_ends{};
   ASSERT_EQ(pipe(pipe_ends.data()), 0);
   const pid_t child = fork();
@@ -114,7 +117,7 @@ TEST(DdsDomains, OneThatAnotherUsersSuiteHasIsNotTakenAndAWantedOneIs) {
 }
 
 TEST(DdsDomains, LocksLieInAFolderOfThisUserAlone) {
-  const auto lock = DomainLock::allocate(std::nullopt, 60);
+  const auto lock = DomainLock::allocate(std::nullopt, apart);
   ASSERT_TRUE(lock) << lock.error();
   const std::filesystem::path folder = "/tmp/srfs_domains_" + std::to_string(geteuid());
   EXPECT_EQ(mode_of(folder), 0700U);
@@ -123,14 +126,14 @@ TEST(DdsDomains, LocksLieInAFolderOfThisUserAlone) {
 }
 
 TEST(DdsDomains, ADomainThatAnotherSuiteTookAfterAllNodesHadBeenKilledIsNotShared) {
-  const int domain = DomainLock::allocate(std::nullopt, 60, "/ours").value().domain();  // not held
+  const int domain = DomainLock::allocate(std::nullopt, apart, "/ours").value().domain();  // not held
   {
     const auto ours = DomainLock::share(domain, "/ours");
     ASSERT_TRUE(ours) << ours.error();
     EXPECT_TRUE(DomainLock::share(domain, "/ours"));
     EXPECT_FALSE(DomainLock::share(domain, "/theirs"));
   }
-  auto theirs = DomainLock::allocate(domain, 60, "/theirs");
+  auto theirs = DomainLock::allocate(domain, apart, "/theirs");
   ASSERT_TRUE(theirs) << theirs.error();
   theirs->downgrade();
   EXPECT_TRUE(DomainLock::share(domain, "/theirs"));
@@ -146,7 +149,7 @@ void leave_lock_file(int domain, const std::string& suite) {
 }
 
 TEST(DdsDomains, NodesThatStartAtOnceAfterAllHadBeenKilledShareTheirDomain) {
-  const int domain = DomainLock::allocate(std::nullopt, 60, "/ours").value().domain();
+  const int domain = DomainLock::allocate(std::nullopt, apart, "/ours").value().domain();
   for (int round = 0; round < 50; ++round) {
     leave_lock_file(domain, round % 2 == 0 ? "/theirs" : "/ours");
     std::barrier together(4);
