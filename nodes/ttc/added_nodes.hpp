@@ -40,8 +40,11 @@ class AddedNodes {
   void read_again(const List& list);
   /// For a worker: blocks on the disk.
   [[nodiscard]] static LoadedDictionary load(const std::vector<mission::Fragment>& fragments);
-  /// Whether load() is to be called for this revision now: one at a time.
-  [[nodiscard]] bool wants_load(std::uint32_t revision) const { return !loads_ && revision_ != revision; }
+  /// Whether load() is to be called for this revision now: one at a time, and not while so many replaced
+  /// dictionaries are kept that another has no room.
+  [[nodiscard]] bool wants_load(std::uint32_t revision) const {
+    return !loads_ && revision_ != revision && retired_.size() < most_retired;
+  }
   void on_load_begun() { loads_ = true; }
   /// The dictionary of @p revision is used from now on. What refers to the old one goes on with it.
   void on_loaded(LoadedDictionary loaded, std::uint32_t revision, TtcCore& core, MonotonicTime now);
@@ -95,6 +98,7 @@ class AddedNodes {
 
   std::vector<mission::RefusedFragment> refused_;  ///< to be reported
   mission::Dictionary dictionary_;
+  static constexpr std::size_t most_retired = 8;
   std::vector<Retired> retired_;  ///< commands under way may point into them
   std::uint32_t revision_ = 0;    ///< of the list the dictionary was read with
   bool loads_ = false;

@@ -284,6 +284,7 @@ void TtcNode::send_beacon() {
   core_->send_beacon(first_channel, now());
   if (const auto h = added_.housekeeping(deployment().added_revision, now()))
     core_->send_housekeeping(*h, now());
+  if (disk_) load_dictionary();  // what waited for room
   advance();
 }
 

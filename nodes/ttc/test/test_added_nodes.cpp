@@ -110,5 +110,15 @@ TEST_F(AddedNodesOfTtc, AStateIsForgottenWithItsProcess) {
   EXPECT_EQ(added.housekeeping(1, {})->node_restarts[0], 4);
 }
 
+TEST_F(AddedNodesOfTtc, AChangeWaitsWhileTooManyReplacedDictionariesAreKept) {
+  AddedNodes added({});
+  const auto core = make_core(added);
+  std::uint32_t revision = 1;
+  for (; added.wants_load(revision); ++revision) added.on_loaded(AddedNodes::load({}), revision, *core, {});
+  EXPECT_EQ(revision, 9U);
+  static_cast<void>(added.housekeeping(revision, MonotonicTime(std::chrono::hours(1))));
+  EXPECT_TRUE(added.wants_load(revision)) << "nothing points into them any more";
+}
+
 }  // namespace
 }  // namespace srfs
