@@ -108,17 +108,17 @@ nanoseconds RingMonitor::last_check_age(MonotonicTime now) const {
 }
 
 nanoseconds RingMonitor::held_up_since(MonotonicTime since) const {
-  nanoseconds total{0};
-  for (const HeldUp& time : held_up_) {
-    if (time.until > since) total += std::min(time.duration, time.until - since);
-  }
-  return total;
+  return sum_since(since, [](const HeldUp& time) { return time.duration; });
 }
 
 nanoseconds RingMonitor::stopped_since(MonotonicTime since) const {
+  return sum_since(since, [](const HeldUp& time) { return time.duration - time.waited; });
+}
+
+nanoseconds RingMonitor::sum_since(MonotonicTime since, nanoseconds (*part)(const HeldUp&)) const {
   nanoseconds total{0};
   for (const HeldUp& time : held_up_) {
-    if (time.until > since) total += std::min(time.duration - time.waited, time.until - since);
+    if (time.until > since) total += std::min(part(time), time.until - since);
   }
   return total;
 }

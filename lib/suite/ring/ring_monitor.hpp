@@ -315,6 +315,8 @@ class RingMonitor {
     nanoseconds duration;
     nanoseconds waited;  ///< of it, for a CPU
   };
+  /// @param part  of one time, at most what lies after @p since counts
+  [[nodiscard]] nanoseconds sum_since(MonotonicTime since, nanoseconds (*part)(const HeldUp&)) const;
   std::deque<HeldUp> held_up_;
   Counters counters_;
 };
