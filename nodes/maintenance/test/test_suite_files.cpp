@@ -29,6 +29,7 @@ struct SuiteFilesTest : testing::Test {
     return suite::Deployment::load(folder.path() / "d.yaml");
   }
   SuiteFilesTest() { suite.var.make_run_folder(); }
+  ~SuiteFilesTest() override { std::filesystem::remove_all(suite.var.memory()); }
   /// A candidate among the versions of payload_eps.
   [[nodiscard]] update::VersionNumber add_version() const {
     const auto program = folder.path() / "program";
