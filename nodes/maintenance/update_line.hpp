@@ -6,7 +6,7 @@
 
 #include <mission/structures.hpp>
 
-#include "nodes/maintenance/encoded.hpp"
+#include "msgs/mission/encoded_event.hpp"
 #include "update/update_journal.hpp"
 
 namespace srfs {

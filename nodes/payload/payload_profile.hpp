@@ -12,20 +12,10 @@
 #include "base/result.hpp"
 #include "base/time.hpp"
 #include "hw/peripherals.hpp"
+#include "msgs/mission/encoded_event.hpp"
 #include "nodes/payload/payload_cycle.hpp"
 
 namespace srfs {
-
-/// An event of the mission dictionary, encoded.
-struct EncodedEvent {
-  std::uint16_t id = 0;
-  std::uint8_t severity = 0;
-  Octets data;
-};
-template <class Event>
-[[nodiscard]] EncodedEvent encode_event(const Event& event) {
-  return {Event::event_id, static_cast<std::uint8_t>(Event::severity), event.encoded()};
-}
 
 /// A housekeeping structure of the mission dictionary, encoded.
 struct EncodedStructure {
