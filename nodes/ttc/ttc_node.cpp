@@ -351,8 +351,8 @@ void TtcNode::on_deployment_changed() {
 }
 
 void TtcNode::load_dictionary() {
+  if (!added_.wants_load(deployment().added_revision)) return;
   AddedNodes::List list = list_of(deployment());
-  if (!added_.wants_load(list.revision)) return;
   const bool taken = disk_->small_files().ask(
       [fragments = std::move(list.fragments)] { return AddedNodes::load(fragments); },
       [this, revision = list.revision](AddedNodes::LoadedDictionary loaded) {
