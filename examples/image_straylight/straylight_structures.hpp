@@ -46,43 +46,12 @@ struct ImageStraylightHousekeeping {
   float saturated_fraction{};  ///< Part of its pixels at full scale
   std::uint16_t limit_adu{};  ///< Sky above which a frame counts as bright [ADU]
 
-  void encode(OctetWriter& out) const {
-    detail::put(out, cycle);
-    detail::put(out, frames);
-    detail::put(out, frames_dropped);
-    detail::put(out, frames_malformed);
-    detail::put(out, bright_frames);
-    detail::put(out, sky_adu);
-    detail::put(out, gradient_adu);
-    detail::put(out, saturated_fraction);
-    detail::put(out, limit_adu);
-  }
-  [[nodiscard]] Octets encoded() const {
-    OctetWriter out;
-    encode(out);
-    return out.take();
-  }
+  void encode(OctetWriter& out) const;
+  [[nodiscard]] Octets encoded() const;
 
   /// Reads the fields and nothing more; nullopt when the octets end early.
-  [[nodiscard]] static std::optional<ImageStraylightHousekeeping> decode(OctetReader& in) {
-    ImageStraylightHousekeeping value;
-    value.cycle = detail::take<std::uint64_t>(in);
-    value.frames = detail::take<std::uint32_t>(in);
-    value.frames_dropped = detail::take<std::uint32_t>(in);
-    value.frames_malformed = detail::take<std::uint32_t>(in);
-    value.bright_frames = detail::take<std::uint32_t>(in);
-    value.sky_adu = detail::take<float>(in);
-    value.gradient_adu = detail::take<float>(in);
-    value.saturated_fraction = detail::take<float>(in);
-    value.limit_adu = detail::take<std::uint16_t>(in);
-    if (!in.ok()) return std::nullopt;
-    return value;
-  }
-  [[nodiscard]] static std::optional<ImageStraylightHousekeeping> decode(OctetView octets) {
-    OctetReader in(octets);
-    const auto value = decode(in);
-    return value && in.remaining() == 0 ? value : std::nullopt;
-  }
+  [[nodiscard]] static std::optional<ImageStraylightHousekeeping> decode(OctetReader& in);
+  [[nodiscard]] static std::optional<ImageStraylightHousekeeping> decode(OctetView octets);
 
   friend bool operator==(const ImageStraylightHousekeeping&, const ImageStraylightHousekeeping&) = default;
 };
@@ -103,31 +72,12 @@ struct StraylightBrightSkyEvent {
   float sky_adu{};  ///< Median [ADU]
   float gradient_adu{};  ///< Brightest less darkest block [ADU]
 
-  void encode(OctetWriter& out) const {
-    detail::put_text(out, frame, 32);
-    detail::put(out, sky_adu);
-    detail::put(out, gradient_adu);
-  }
-  [[nodiscard]] Octets encoded() const {
-    OctetWriter out;
-    encode(out);
-    return out.take();
-  }
+  void encode(OctetWriter& out) const;
+  [[nodiscard]] Octets encoded() const;
 
   /// Reads the fields and nothing more; nullopt when the octets end early.
-  [[nodiscard]] static std::optional<StraylightBrightSkyEvent> decode(OctetReader& in) {
-    StraylightBrightSkyEvent value;
-    if (!detail::take_text(in, value.frame, 32)) return std::nullopt;
-    value.sky_adu = detail::take<float>(in);
-    value.gradient_adu = detail::take<float>(in);
-    if (!in.ok()) return std::nullopt;
-    return value;
-  }
-  [[nodiscard]] static std::optional<StraylightBrightSkyEvent> decode(OctetView octets) {
-    OctetReader in(octets);
-    const auto value = decode(in);
-    return value && in.remaining() == 0 ? value : std::nullopt;
-  }
+  [[nodiscard]] static std::optional<StraylightBrightSkyEvent> decode(OctetReader& in);
+  [[nodiscard]] static std::optional<StraylightBrightSkyEvent> decode(OctetView octets);
 
   friend bool operator==(const StraylightBrightSkyEvent&, const StraylightBrightSkyEvent&) = default;
 };
@@ -140,29 +90,101 @@ struct StraylightDarkSkyEvent {
 
   std::string frame{};  ///< TASK/NUMBER
 
-  void encode(OctetWriter& out) const {
-    detail::put_text(out, frame, 32);
-  }
-  [[nodiscard]] Octets encoded() const {
-    OctetWriter out;
-    encode(out);
-    return out.take();
-  }
+  void encode(OctetWriter& out) const;
+  [[nodiscard]] Octets encoded() const;
 
   /// Reads the fields and nothing more; nullopt when the octets end early.
-  [[nodiscard]] static std::optional<StraylightDarkSkyEvent> decode(OctetReader& in) {
-    StraylightDarkSkyEvent value;
-    if (!detail::take_text(in, value.frame, 32)) return std::nullopt;
-    if (!in.ok()) return std::nullopt;
-    return value;
-  }
-  [[nodiscard]] static std::optional<StraylightDarkSkyEvent> decode(OctetView octets) {
-    OctetReader in(octets);
-    const auto value = decode(in);
-    return value && in.remaining() == 0 ? value : std::nullopt;
-  }
+  [[nodiscard]] static std::optional<StraylightDarkSkyEvent> decode(OctetReader& in);
+  [[nodiscard]] static std::optional<StraylightDarkSkyEvent> decode(OctetView octets);
 
   friend bool operator==(const StraylightDarkSkyEvent&, const StraylightDarkSkyEvent&) = default;
 };
+
+inline void ImageStraylightHousekeeping::encode(OctetWriter& out) const {
+  detail::put(out, cycle);
+  detail::put(out, frames);
+  detail::put(out, frames_dropped);
+  detail::put(out, frames_malformed);
+  detail::put(out, bright_frames);
+  detail::put(out, sky_adu);
+  detail::put(out, gradient_adu);
+  detail::put(out, saturated_fraction);
+  detail::put(out, limit_adu);
+}
+inline Octets ImageStraylightHousekeeping::encoded() const {
+  OctetWriter out;
+  encode(out);
+  return out.take();
+}
+
+inline std::optional<ImageStraylightHousekeeping> ImageStraylightHousekeeping::decode(OctetReader& in) {
+  ImageStraylightHousekeeping value;
+  value.cycle = detail::take<std::uint64_t>(in);
+  value.frames = detail::take<std::uint32_t>(in);
+  value.frames_dropped = detail::take<std::uint32_t>(in);
+  value.frames_malformed = detail::take<std::uint32_t>(in);
+  value.bright_frames = detail::take<std::uint32_t>(in);
+  value.sky_adu = detail::take<float>(in);
+  value.gradient_adu = detail::take<float>(in);
+  value.saturated_fraction = detail::take<float>(in);
+  value.limit_adu = detail::take<std::uint16_t>(in);
+  if (!in.ok()) return std::nullopt;
+  return value;
+}
+inline std::optional<ImageStraylightHousekeeping> ImageStraylightHousekeeping::decode(OctetView octets) {
+  OctetReader in(octets);
+  const auto value = decode(in);
+  return value && in.remaining() == 0 ? value : std::nullopt;
+}
+
+
+inline void StraylightBrightSkyEvent::encode(OctetWriter& out) const {
+  detail::put_text(out, frame, 32);
+  detail::put(out, sky_adu);
+  detail::put(out, gradient_adu);
+}
+inline Octets StraylightBrightSkyEvent::encoded() const {
+  OctetWriter out;
+  encode(out);
+  return out.take();
+}
+
+inline std::optional<StraylightBrightSkyEvent> StraylightBrightSkyEvent::decode(OctetReader& in) {
+  StraylightBrightSkyEvent value;
+  if (!detail::take_text(in, value.frame, 32)) return std::nullopt;
+  value.sky_adu = detail::take<float>(in);
+  value.gradient_adu = detail::take<float>(in);
+  if (!in.ok()) return std::nullopt;
+  return value;
+}
+inline std::optional<StraylightBrightSkyEvent> StraylightBrightSkyEvent::decode(OctetView octets) {
+  OctetReader in(octets);
+  const auto value = decode(in);
+  return value && in.remaining() == 0 ? value : std::nullopt;
+}
+
+
+inline void StraylightDarkSkyEvent::encode(OctetWriter& out) const {
+  detail::put_text(out, frame, 32);
+}
+inline Octets StraylightDarkSkyEvent::encoded() const {
+  OctetWriter out;
+  encode(out);
+  return out.take();
+}
+
+inline std::optional<StraylightDarkSkyEvent> StraylightDarkSkyEvent::decode(OctetReader& in) {
+  StraylightDarkSkyEvent value;
+  if (!detail::take_text(in, value.frame, 32)) return std::nullopt;
+  if (!in.ok()) return std::nullopt;
+  return value;
+}
+inline std::optional<StraylightDarkSkyEvent> StraylightDarkSkyEvent::decode(OctetView octets) {
+  OctetReader in(octets);
+  const auto value = decode(in);
+  return value && in.remaining() == 0 ? value : std::nullopt;
+}
+
+
 
 }  // namespace srfs::mission

@@ -42,39 +42,12 @@ struct ImpactMeasurement {
   float threshold_v{};  ///< Signals below are not counted [V]
   std::array<std::uint32_t, 8> histogram{};  ///< Hits by energy
 
-  void encode(OctetWriter& out) const {
-    detail::put(out, impacts);
-    detail::put(out, rejected);
-    detail::put(out, last_impact_age_ms);
-    detail::put(out, amplitude_v);
-    detail::put(out, energy_uj);
-    detail::put(out, threshold_v);
-    for (const auto& element : histogram) detail::put(out, element);
-  }
-  [[nodiscard]] Octets encoded() const {
-    OctetWriter out;
-    encode(out);
-    return out.take();
-  }
+  void encode(OctetWriter& out) const;
+  [[nodiscard]] Octets encoded() const;
 
   /// Reads the fields and nothing more; nullopt when the octets end early.
-  [[nodiscard]] static std::optional<ImpactMeasurement> decode(OctetReader& in) {
-    ImpactMeasurement value;
-    value.impacts = detail::take<std::uint32_t>(in);
-    value.rejected = detail::take<std::uint32_t>(in);
-    value.last_impact_age_ms = detail::take<std::uint32_t>(in);
-    value.amplitude_v = detail::take<float>(in);
-    value.energy_uj = detail::take<float>(in);
-    value.threshold_v = detail::take<float>(in);
-    for (auto& element : value.histogram) { element = detail::take<std::uint32_t>(in); }
-    if (!in.ok()) return std::nullopt;
-    return value;
-  }
-  [[nodiscard]] static std::optional<ImpactMeasurement> decode(OctetView octets) {
-    OctetReader in(octets);
-    const auto value = decode(in);
-    return value && in.remaining() == 0 ? value : std::nullopt;
-  }
+  [[nodiscard]] static std::optional<ImpactMeasurement> decode(OctetReader& in);
+  [[nodiscard]] static std::optional<ImpactMeasurement> decode(OctetView octets);
 
   friend bool operator==(const ImpactMeasurement&, const ImpactMeasurement&) = default;
 };
@@ -92,33 +65,12 @@ struct PayloadImpactHousekeeping {
   float flux_per_hour{};  ///< Hits an hour, over the last minutes; not a number: too early to say
   SlotStatistics slots{};
 
-  void encode(OctetWriter& out) const {
-    detail::put(out, cycle);
-    measurement.encode(out);
-    detail::put(out, flux_per_hour);
-    slots.encode(out);
-  }
-  [[nodiscard]] Octets encoded() const {
-    OctetWriter out;
-    encode(out);
-    return out.take();
-  }
+  void encode(OctetWriter& out) const;
+  [[nodiscard]] Octets encoded() const;
 
   /// Reads the fields and nothing more; nullopt when the octets end early.
-  [[nodiscard]] static std::optional<PayloadImpactHousekeeping> decode(OctetReader& in) {
-    PayloadImpactHousekeeping value;
-    value.cycle = detail::take<std::uint64_t>(in);
-    { const auto part = ImpactMeasurement::decode(in); if (!part) return std::nullopt; value.measurement = *part; }
-    value.flux_per_hour = detail::take<float>(in);
-    { const auto part = SlotStatistics::decode(in); if (!part) return std::nullopt; value.slots = *part; }
-    if (!in.ok()) return std::nullopt;
-    return value;
-  }
-  [[nodiscard]] static std::optional<PayloadImpactHousekeeping> decode(OctetView octets) {
-    OctetReader in(octets);
-    const auto value = decode(in);
-    return value && in.remaining() == 0 ? value : std::nullopt;
-  }
+  [[nodiscard]] static std::optional<PayloadImpactHousekeeping> decode(OctetReader& in);
+  [[nodiscard]] static std::optional<PayloadImpactHousekeeping> decode(OctetView octets);
 
   friend bool operator==(const PayloadImpactHousekeeping&, const PayloadImpactHousekeeping&) = default;
 };
@@ -135,31 +87,12 @@ struct PayloadImpactCountersHousekeeping {
   PayloadCounters counters{};
   SensorInputs inputs{};
 
-  void encode(OctetWriter& out) const {
-    detail::put(out, cycle);
-    counters.encode(out);
-    inputs.encode(out);
-  }
-  [[nodiscard]] Octets encoded() const {
-    OctetWriter out;
-    encode(out);
-    return out.take();
-  }
+  void encode(OctetWriter& out) const;
+  [[nodiscard]] Octets encoded() const;
 
   /// Reads the fields and nothing more; nullopt when the octets end early.
-  [[nodiscard]] static std::optional<PayloadImpactCountersHousekeeping> decode(OctetReader& in) {
-    PayloadImpactCountersHousekeeping value;
-    value.cycle = detail::take<std::uint64_t>(in);
-    { const auto part = PayloadCounters::decode(in); if (!part) return std::nullopt; value.counters = *part; }
-    { const auto part = SensorInputs::decode(in); if (!part) return std::nullopt; value.inputs = *part; }
-    if (!in.ok()) return std::nullopt;
-    return value;
-  }
-  [[nodiscard]] static std::optional<PayloadImpactCountersHousekeeping> decode(OctetView octets) {
-    OctetReader in(octets);
-    const auto value = decode(in);
-    return value && in.remaining() == 0 ? value : std::nullopt;
-  }
+  [[nodiscard]] static std::optional<PayloadImpactCountersHousekeeping> decode(OctetReader& in);
+  [[nodiscard]] static std::optional<PayloadImpactCountersHousekeeping> decode(OctetView octets);
 
   friend bool operator==(const PayloadImpactCountersHousekeeping&, const PayloadImpactCountersHousekeeping&) = default;
 };
@@ -179,29 +112,12 @@ struct ImpactHitEvent {
   std::uint32_t count{};  ///< Since the slot before
   float energy_uj{};  ///< Energy [uJ]
 
-  void encode(OctetWriter& out) const {
-    detail::put(out, count);
-    detail::put(out, energy_uj);
-  }
-  [[nodiscard]] Octets encoded() const {
-    OctetWriter out;
-    encode(out);
-    return out.take();
-  }
+  void encode(OctetWriter& out) const;
+  [[nodiscard]] Octets encoded() const;
 
   /// Reads the fields and nothing more; nullopt when the octets end early.
-  [[nodiscard]] static std::optional<ImpactHitEvent> decode(OctetReader& in) {
-    ImpactHitEvent value;
-    value.count = detail::take<std::uint32_t>(in);
-    value.energy_uj = detail::take<float>(in);
-    if (!in.ok()) return std::nullopt;
-    return value;
-  }
-  [[nodiscard]] static std::optional<ImpactHitEvent> decode(OctetView octets) {
-    OctetReader in(octets);
-    const auto value = decode(in);
-    return value && in.remaining() == 0 ? value : std::nullopt;
-  }
+  [[nodiscard]] static std::optional<ImpactHitEvent> decode(OctetReader& in);
+  [[nodiscard]] static std::optional<ImpactHitEvent> decode(OctetView octets);
 
   friend bool operator==(const ImpactHitEvent&, const ImpactHitEvent&) = default;
 };
@@ -214,27 +130,12 @@ struct ImpactLargeHitEvent {
 
   float energy_uj{};  ///< Energy [uJ]
 
-  void encode(OctetWriter& out) const {
-    detail::put(out, energy_uj);
-  }
-  [[nodiscard]] Octets encoded() const {
-    OctetWriter out;
-    encode(out);
-    return out.take();
-  }
+  void encode(OctetWriter& out) const;
+  [[nodiscard]] Octets encoded() const;
 
   /// Reads the fields and nothing more; nullopt when the octets end early.
-  [[nodiscard]] static std::optional<ImpactLargeHitEvent> decode(OctetReader& in) {
-    ImpactLargeHitEvent value;
-    value.energy_uj = detail::take<float>(in);
-    if (!in.ok()) return std::nullopt;
-    return value;
-  }
-  [[nodiscard]] static std::optional<ImpactLargeHitEvent> decode(OctetView octets) {
-    OctetReader in(octets);
-    const auto value = decode(in);
-    return value && in.remaining() == 0 ? value : std::nullopt;
-  }
+  [[nodiscard]] static std::optional<ImpactLargeHitEvent> decode(OctetReader& in);
+  [[nodiscard]] static std::optional<ImpactLargeHitEvent> decode(OctetView octets);
 
   friend bool operator==(const ImpactLargeHitEvent&, const ImpactLargeHitEvent&) = default;
 };
@@ -252,28 +153,11 @@ struct ImpactSetThreshold {
 
   float threshold_v{};  ///< Threshold [V]
 
-  void encode(OctetWriter& out) const {
-    detail::put(out, threshold_v);
-  }
-  [[nodiscard]] Octets encoded() const {
-    OctetWriter out;
-    encode(out);
-    return out.take();
-  }
+  void encode(OctetWriter& out) const;
+  [[nodiscard]] Octets encoded() const;
 
-  [[nodiscard]] static Result<ImpactSetThreshold, ArgumentError> decode(OctetView octets) {
-    OctetReader in(octets);
-    auto value = decode_one(in);
-    if (value && in.remaining() != 0) return Err(ArgumentError{0});
-    return value;
-  }
-  [[nodiscard]] static Result<ImpactSetThreshold, ArgumentError> decode_one(OctetReader& in) {
-    ImpactSetThreshold value;
-    value.threshold_v = detail::take<float>(in);
-    if (!in.ok()) return Err(ArgumentError{0});
-    if (!(value.threshold_v >= 0.01F && value.threshold_v <= 5.0F)) return Err(ArgumentError{1});
-    return value;
-  }
+  [[nodiscard]] static Result<ImpactSetThreshold, ArgumentError> decode(OctetView octets);
+  [[nodiscard]] static Result<ImpactSetThreshold, ArgumentError> decode_one(OctetReader& in);
   friend bool operator==(const ImpactSetThreshold&, const ImpactSetThreshold&) = default;
 };
 
@@ -289,24 +173,11 @@ struct ImpactClear {
   static constexpr milliseconds timeout{10000};  ///< accepted -> not started any more
 
 
-  void encode(OctetWriter&) const {
-  }
-  [[nodiscard]] Octets encoded() const {
-    OctetWriter out;
-    encode(out);
-    return out.take();
-  }
+  void encode(OctetWriter& out) const;
+  [[nodiscard]] Octets encoded() const;
 
-  [[nodiscard]] static Result<ImpactClear, ArgumentError> decode(OctetView octets) {
-    OctetReader in(octets);
-    auto value = decode_one(in);
-    if (value && in.remaining() != 0) return Err(ArgumentError{0});
-    return value;
-  }
-  [[nodiscard]] static Result<ImpactClear, ArgumentError> decode_one(OctetReader&) {
-    ImpactClear value;
-    return value;
-  }
+  [[nodiscard]] static Result<ImpactClear, ArgumentError> decode(OctetView octets);
+  [[nodiscard]] static Result<ImpactClear, ArgumentError> decode_one(OctetReader& in);
   friend bool operator==(const ImpactClear&, const ImpactClear&) = default;
 };
 
@@ -321,24 +192,11 @@ struct ImpactResetPeripheral {
   static constexpr milliseconds timeout{15000};  ///< accepted -> not started any more
 
 
-  void encode(OctetWriter&) const {
-  }
-  [[nodiscard]] Octets encoded() const {
-    OctetWriter out;
-    encode(out);
-    return out.take();
-  }
+  void encode(OctetWriter& out) const;
+  [[nodiscard]] Octets encoded() const;
 
-  [[nodiscard]] static Result<ImpactResetPeripheral, ArgumentError> decode(OctetView octets) {
-    OctetReader in(octets);
-    auto value = decode_one(in);
-    if (value && in.remaining() != 0) return Err(ArgumentError{0});
-    return value;
-  }
-  [[nodiscard]] static Result<ImpactResetPeripheral, ArgumentError> decode_one(OctetReader&) {
-    ImpactResetPeripheral value;
-    return value;
-  }
+  [[nodiscard]] static Result<ImpactResetPeripheral, ArgumentError> decode(OctetView octets);
+  [[nodiscard]] static Result<ImpactResetPeripheral, ArgumentError> decode_one(OctetReader& in);
   friend bool operator==(const ImpactResetPeripheral&, const ImpactResetPeripheral&) = default;
 };
 
@@ -354,29 +212,231 @@ struct ImpactPowerCyclePeripheral {
 
   std::uint16_t off_ms{};  ///< Time without power [ms]
 
-  void encode(OctetWriter& out) const {
-    detail::put(out, off_ms);
-  }
-  [[nodiscard]] Octets encoded() const {
-    OctetWriter out;
-    encode(out);
-    return out.take();
-  }
+  void encode(OctetWriter& out) const;
+  [[nodiscard]] Octets encoded() const;
 
-  [[nodiscard]] static Result<ImpactPowerCyclePeripheral, ArgumentError> decode(OctetView octets) {
-    OctetReader in(octets);
-    auto value = decode_one(in);
-    if (value && in.remaining() != 0) return Err(ArgumentError{0});
-    return value;
-  }
-  [[nodiscard]] static Result<ImpactPowerCyclePeripheral, ArgumentError> decode_one(OctetReader& in) {
-    ImpactPowerCyclePeripheral value;
-    value.off_ms = detail::take<std::uint16_t>(in);
-    if (!in.ok()) return Err(ArgumentError{0});
-    if (!(value.off_ms >= 50 && value.off_ms <= 5000)) return Err(ArgumentError{1});
-    return value;
-  }
+  [[nodiscard]] static Result<ImpactPowerCyclePeripheral, ArgumentError> decode(OctetView octets);
+  [[nodiscard]] static Result<ImpactPowerCyclePeripheral, ArgumentError> decode_one(OctetReader& in);
   friend bool operator==(const ImpactPowerCyclePeripheral&, const ImpactPowerCyclePeripheral&) = default;
 };
+
+inline void ImpactMeasurement::encode(OctetWriter& out) const {
+  detail::put(out, impacts);
+  detail::put(out, rejected);
+  detail::put(out, last_impact_age_ms);
+  detail::put(out, amplitude_v);
+  detail::put(out, energy_uj);
+  detail::put(out, threshold_v);
+  for (const auto& element : histogram) detail::put(out, element);
+}
+inline Octets ImpactMeasurement::encoded() const {
+  OctetWriter out;
+  encode(out);
+  return out.take();
+}
+
+inline std::optional<ImpactMeasurement> ImpactMeasurement::decode(OctetReader& in) {
+  ImpactMeasurement value;
+  value.impacts = detail::take<std::uint32_t>(in);
+  value.rejected = detail::take<std::uint32_t>(in);
+  value.last_impact_age_ms = detail::take<std::uint32_t>(in);
+  value.amplitude_v = detail::take<float>(in);
+  value.energy_uj = detail::take<float>(in);
+  value.threshold_v = detail::take<float>(in);
+  for (auto& element : value.histogram) { element = detail::take<std::uint32_t>(in); }
+  if (!in.ok()) return std::nullopt;
+  return value;
+}
+inline std::optional<ImpactMeasurement> ImpactMeasurement::decode(OctetView octets) {
+  OctetReader in(octets);
+  const auto value = decode(in);
+  return value && in.remaining() == 0 ? value : std::nullopt;
+}
+
+
+inline void PayloadImpactHousekeeping::encode(OctetWriter& out) const {
+  detail::put(out, cycle);
+  measurement.encode(out);
+  detail::put(out, flux_per_hour);
+  slots.encode(out);
+}
+inline Octets PayloadImpactHousekeeping::encoded() const {
+  OctetWriter out;
+  encode(out);
+  return out.take();
+}
+
+inline std::optional<PayloadImpactHousekeeping> PayloadImpactHousekeeping::decode(OctetReader& in) {
+  PayloadImpactHousekeeping value;
+  value.cycle = detail::take<std::uint64_t>(in);
+  { const auto part = ImpactMeasurement::decode(in); if (!part) return std::nullopt; value.measurement = *part; }
+  value.flux_per_hour = detail::take<float>(in);
+  { const auto part = SlotStatistics::decode(in); if (!part) return std::nullopt; value.slots = *part; }
+  if (!in.ok()) return std::nullopt;
+  return value;
+}
+inline std::optional<PayloadImpactHousekeeping> PayloadImpactHousekeeping::decode(OctetView octets) {
+  OctetReader in(octets);
+  const auto value = decode(in);
+  return value && in.remaining() == 0 ? value : std::nullopt;
+}
+
+
+inline void PayloadImpactCountersHousekeeping::encode(OctetWriter& out) const {
+  detail::put(out, cycle);
+  counters.encode(out);
+  inputs.encode(out);
+}
+inline Octets PayloadImpactCountersHousekeeping::encoded() const {
+  OctetWriter out;
+  encode(out);
+  return out.take();
+}
+
+inline std::optional<PayloadImpactCountersHousekeeping> PayloadImpactCountersHousekeeping::decode(OctetReader& in) {
+  PayloadImpactCountersHousekeeping value;
+  value.cycle = detail::take<std::uint64_t>(in);
+  { const auto part = PayloadCounters::decode(in); if (!part) return std::nullopt; value.counters = *part; }
+  { const auto part = SensorInputs::decode(in); if (!part) return std::nullopt; value.inputs = *part; }
+  if (!in.ok()) return std::nullopt;
+  return value;
+}
+inline std::optional<PayloadImpactCountersHousekeeping> PayloadImpactCountersHousekeeping::decode(OctetView octets) {
+  OctetReader in(octets);
+  const auto value = decode(in);
+  return value && in.remaining() == 0 ? value : std::nullopt;
+}
+
+
+inline void ImpactHitEvent::encode(OctetWriter& out) const {
+  detail::put(out, count);
+  detail::put(out, energy_uj);
+}
+inline Octets ImpactHitEvent::encoded() const {
+  OctetWriter out;
+  encode(out);
+  return out.take();
+}
+
+inline std::optional<ImpactHitEvent> ImpactHitEvent::decode(OctetReader& in) {
+  ImpactHitEvent value;
+  value.count = detail::take<std::uint32_t>(in);
+  value.energy_uj = detail::take<float>(in);
+  if (!in.ok()) return std::nullopt;
+  return value;
+}
+inline std::optional<ImpactHitEvent> ImpactHitEvent::decode(OctetView octets) {
+  OctetReader in(octets);
+  const auto value = decode(in);
+  return value && in.remaining() == 0 ? value : std::nullopt;
+}
+
+
+inline void ImpactLargeHitEvent::encode(OctetWriter& out) const {
+  detail::put(out, energy_uj);
+}
+inline Octets ImpactLargeHitEvent::encoded() const {
+  OctetWriter out;
+  encode(out);
+  return out.take();
+}
+
+inline std::optional<ImpactLargeHitEvent> ImpactLargeHitEvent::decode(OctetReader& in) {
+  ImpactLargeHitEvent value;
+  value.energy_uj = detail::take<float>(in);
+  if (!in.ok()) return std::nullopt;
+  return value;
+}
+inline std::optional<ImpactLargeHitEvent> ImpactLargeHitEvent::decode(OctetView octets) {
+  OctetReader in(octets);
+  const auto value = decode(in);
+  return value && in.remaining() == 0 ? value : std::nullopt;
+}
+
+
+inline void ImpactSetThreshold::encode(OctetWriter& out) const {
+  detail::put(out, threshold_v);
+}
+inline Octets ImpactSetThreshold::encoded() const {
+  OctetWriter out;
+  encode(out);
+  return out.take();
+}
+
+inline Result<ImpactSetThreshold, ArgumentError> ImpactSetThreshold::decode_one(OctetReader& in) {
+  ImpactSetThreshold value;
+  value.threshold_v = detail::take<float>(in);
+  if (!in.ok()) return Err(ArgumentError{0});
+  if (!(value.threshold_v >= 0.01F && value.threshold_v <= 5.0F)) return Err(ArgumentError{1});
+  return value;
+}
+inline Result<ImpactSetThreshold, ArgumentError> ImpactSetThreshold::decode(OctetView octets) {
+  OctetReader in(octets);
+  auto value = decode_one(in);
+  if (value && in.remaining() != 0) return Err(ArgumentError{0});
+  return value;
+}
+
+inline void ImpactClear::encode(OctetWriter&) const {
+}
+inline Octets ImpactClear::encoded() const {
+  OctetWriter out;
+  encode(out);
+  return out.take();
+}
+
+inline Result<ImpactClear, ArgumentError> ImpactClear::decode_one(OctetReader&) {
+  ImpactClear value;
+  return value;
+}
+inline Result<ImpactClear, ArgumentError> ImpactClear::decode(OctetView octets) {
+  OctetReader in(octets);
+  auto value = decode_one(in);
+  if (value && in.remaining() != 0) return Err(ArgumentError{0});
+  return value;
+}
+
+inline void ImpactResetPeripheral::encode(OctetWriter&) const {
+}
+inline Octets ImpactResetPeripheral::encoded() const {
+  OctetWriter out;
+  encode(out);
+  return out.take();
+}
+
+inline Result<ImpactResetPeripheral, ArgumentError> ImpactResetPeripheral::decode_one(OctetReader&) {
+  ImpactResetPeripheral value;
+  return value;
+}
+inline Result<ImpactResetPeripheral, ArgumentError> ImpactResetPeripheral::decode(OctetView octets) {
+  OctetReader in(octets);
+  auto value = decode_one(in);
+  if (value && in.remaining() != 0) return Err(ArgumentError{0});
+  return value;
+}
+
+inline void ImpactPowerCyclePeripheral::encode(OctetWriter& out) const {
+  detail::put(out, off_ms);
+}
+inline Octets ImpactPowerCyclePeripheral::encoded() const {
+  OctetWriter out;
+  encode(out);
+  return out.take();
+}
+
+inline Result<ImpactPowerCyclePeripheral, ArgumentError> ImpactPowerCyclePeripheral::decode_one(OctetReader& in) {
+  ImpactPowerCyclePeripheral value;
+  value.off_ms = detail::take<std::uint16_t>(in);
+  if (!in.ok()) return Err(ArgumentError{0});
+  if (!(value.off_ms >= 50 && value.off_ms <= 5000)) return Err(ArgumentError{1});
+  return value;
+}
+inline Result<ImpactPowerCyclePeripheral, ArgumentError> ImpactPowerCyclePeripheral::decode(OctetView octets) {
+  OctetReader in(octets);
+  auto value = decode_one(in);
+  if (value && in.remaining() != 0) return Err(ArgumentError{0});
+  return value;
+}
+
 
 }  // namespace srfs::mission

@@ -1,11 +1,11 @@
 #!/usr/bin/python3
 # SPDX-FileCopyrightText: 2026 SRFS contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Writes mission/structures.hpp: the C++ view of the mission dictionary for flight code.
+"""Writes the C++ view of the mission dictionary for flight code: mission/structures.hpp and, beside --source, its functions.
 
-With a fragment: what it adds alone, for the package of the node that it belongs to.
+With a fragment: what it adds alone, as one header for the package of the node that it belongs to.
 
-usage: mission_structures.py --dictionary FOLDER --out FILE [--fragment FILE [--check]]
+usage: mission_structures.py --dictionary FOLDER --out FILE (--source FILE | --fragment FILE [--check])
 """
 
 import argparse
@@ -99,7 +99,7 @@ class Emitter:
         lines = [f"{name} = detail::take<{self.element_type(field)}>(in);", short]
         if "enum" in field:
             lines.append(f"if (!is_valid({name})) {bad}")
-        elif "range" in field:
+        elif "range" in field and self.within(name, field):
             lines.append(f"if (!({self.within(name, field)})) {bad}")
         elif field["type"][0] == "f":
             lines.append(f"if (!std::isfinite({name})) {bad}")
@@ -107,20 +107,30 @@ class Emitter:
 
     @staticmethod
     def within(name, field):
-        """Condition that the value is in its range (false for not-a-number)."""
+        """Condition that the value is in its range (false for not-a-number); empty where every value of the type is."""
         low, high = field["range"]
         if field["type"][0] == "f":
             suffix = "F" if field["type"] == "f32" else ""
             return f"{name} >= {float(low)}{suffix} && {name} <= {float(high)}{suffix}"
-        upper = f"{name} <= {high}"
-        return upper if field["type"][0] == "u" and low == 0 else f"{name} >= {low} && {upper}"
+        bits = 8 * OCTETS[field["type"]]
+        lowest, highest = (0, 2**bits - 1) if field["type"][0] == "u" else (-2**(bits - 1), 2**(bits - 1) - 1)
+        return " && ".join(([f"{name} >= {low}"] if low > lowest else []) + ([f"{name} <= {high}"] if high < highest else []))
+
+
+def write(path, text):
+    """Only what changes: who includes it is compiled again otherwise."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    if not path.exists() or path.read_text(encoding="utf-8") != text:
+        path.write_text(text, encoding="utf-8")
 
 
 def main():
     parser = argparse.ArgumentParser()
     parser.add_argument("--dictionary", required=True)
     parser.add_argument("--out", required=True)
-    parser.add_argument("--fragment", help="only what this fragment adds to the dictionary")
+    kind = parser.add_mutually_exclusive_group(required=True)
+    kind.add_argument("--source", help="what the header's functions do goes there: every source that includes the header compiles without them")
+    kind.add_argument("--fragment", help="only what this fragment adds to the dictionary")
     parser.add_argument("--check", action="store_true", help="only say whether the file is as it should be")
     arguments = parser.parse_args()
     dictionary = load(arguments.dictionary, [arguments.fragment] if arguments.fragment else [])
@@ -131,15 +141,18 @@ def main():
                                octets=OCTETS, severities=SEVERITIES, emit=Emitter(dictionary), d=shown, has_packet=has_packet,
                                work_threads=[s for s in dictionary.structures if s["name"] == f"{s.get('node')}_work"],
                                has_parameter_value=has_parameter_value, fragment=arguments.fragment and pathlib.Path(arguments.fragment).name)
-    text = environment.get_template("mission_structures.hpp.jinja").render()
+    def text_of(template):
+        return environment.get_template(template).render()
+
     out = pathlib.Path(arguments.out)
+    text = text_of("mission_structures.hpp.jinja")
     if arguments.check:
         if not out.exists() or out.read_text(encoding="utf-8") != text:
             sys.exit(f"{out} does not say what {arguments.fragment} says; write it again with mission_structures.py without --check")
         return
-    out.parent.mkdir(parents=True, exist_ok=True)
-    if not out.exists() or out.read_text(encoding="utf-8") != text:
-        out.write_text(text, encoding="utf-8")
+    write(out, text)
+    if arguments.source:
+        write(pathlib.Path(arguments.source), text_of("mission_structures.cpp.jinja"))
 
 
 if __name__ == "__main__":
