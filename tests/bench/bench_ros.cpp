@@ -2,7 +2,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // Measures lib/ros, one subject per call, and prints one JSON object. Each run alternates between our code
 // and its peers: Fast DDS used directly with the same transport and QoS (raw_dds.hpp), and bare UDP sockets
-// where that makes sense. `./run bench ros` (tools/demo/bench.py) calls this program and judges the values.
+// where that makes sense. `./run bench ros` (python/srfs/measures/ros.py) calls this program and judges the
+// values.
 
 #include <cstdio>
 #include <exception>

@@ -15,19 +15,13 @@ import threading
 import time
 import unittest
 
-ROOT = pathlib.Path(__file__).resolve().parents[2]
+from srfs import ROOT
+from srfs.flight import deployments, mission
+from srfs.flight.deployments import NODES, PAYLOADS
+from srfs.flight.mission import wait_until
+
 BIN = pathlib.Path(os.environ.get("SRFS_BIN", ROOT / "build-release" / "bin"))
-PYTHON = "/usr/bin/python3"
-DEMO = ROOT / "tools" / "demo"
-sys.path.insert(0, str(DEMO))
-
-import can_frames  # noqa: E402, F401  (found through the path above)
-import deployments  # noqa: E402
-import mission  # noqa: E402
-from mission import wait_until  # noqa: E402, F401
-
-PAYLOADS = ("payload_adcs", "payload_eps", "payload_thermal")
-NODES = ("timing", "can_switcher", *PAYLOADS, "ttc", "image_acquisition", "image_processing", "maintenance")
+PROGRAM = ("/usr/bin/python3", "-B", "-m")  # of python/srfs
 JUDGED = tuple(name for name in NODES if not name.startswith("image_"))  # the image nodes have the lowest priority, and starve first
 DEADLINE_S = 90  # for a condition; a wait ends when the condition holds, and the machine may be busy
 FOLDER_PREFIX = "srfs_system_test_"

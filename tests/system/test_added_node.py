@@ -3,14 +3,15 @@
 """A node is added to the running suite and removed again: the impact payload of examples/payload_impact."""
 
 import json
-import mmap
 import os
 import signal
 import struct
 import subprocess
 import unittest
 
-from support import BIN, DEADLINE_S, NODES, PAYLOADS, ROOT, SystemTest, ToolTest, mission, slots, wait_for_slots, wait_until
+from support import BIN, DEADLINE_S, NODES, PAYLOADS, ROOT, SystemTest, ToolTest, slots, wait_for_slots, wait_until
+
+from srfs.flight import mission
 
 PACKAGE = ROOT / "examples" / "payload_impact"
 PROGRAM = BIN / "payload_impact_node"

@@ -6,14 +6,14 @@ import json
 import subprocess
 import unittest
 
-from support import BIN, PYTHON, ROOT, SystemTest
+from support import BIN, PROGRAM, SystemTest
 
 
 class CampaignTest(SystemTest):
     def run_campaign(self, *arguments, timeout_s=220):
         """Runs a campaign in which every check must hold. Returns its summary and output folder."""
         out = self.folder / "out"
-        run = subprocess.run([PYTHON, "-B", str(ROOT / "tests" / "campaign" / "campaign.py"), *arguments, "--json",
+        run = subprocess.run([*PROGRAM, "srfs.campaign", *arguments, "--json",
                               "--out", str(out), "--var", str(self.var), "--bin", str(BIN)],
                              stdin=subprocess.DEVNULL, capture_output=True, text=True, timeout=timeout_s)  # fmt: skip
         self.assertTrue(run.returncode in (0, 1) and run.stdout, run.stderr)

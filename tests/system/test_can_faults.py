@@ -8,7 +8,9 @@ import signal
 import time
 import unittest
 
-from support import DEADLINE_S, JUDGED, PAYLOADS, SystemTest, can_frames, restarts, slots, wait_for_slots, wait_until
+from support import DEADLINE_S, JUDGED, PAYLOADS, SystemTest, restarts, slots, wait_for_slots, wait_until
+
+from srfs.record import can_frames
 
 HEALTHY = ("payload_adcs", "payload_thermal")
 

@@ -7,7 +7,7 @@ import subprocess
 import unittest
 
 import yaml
-from support import BIN, DEMO, PYTHON, ROOT, SystemTest
+from support import BIN, PROGRAM, ROOT, SystemTest
 
 MISTAKES = [
     # (what, text of sim.yaml, its replacement, what the message names)
@@ -36,7 +36,7 @@ class VersionTest(unittest.TestCase):
 class ConfigurationTest(SystemTest):
     def start(self, deployment):
         return subprocess.run(
-            [PYTHON, str(DEMO / "sim.py"), "--bin", str(BIN), "--var", str(self.var), "--deployment", str(deployment)],
+            [*PROGRAM, "srfs.sim", "--bin", str(BIN), "--var", str(self.var), "--deployment", str(deployment)],
             stdin=subprocess.DEVNULL, capture_output=True, text=True, timeout=90,
         )  # fmt: skip
 

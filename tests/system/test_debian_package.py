@@ -11,8 +11,9 @@ import tempfile
 import unittest
 from pathlib import Path
 
-import hardening
 from support import BIN, ROOT, run
+
+from srfs import hardening
 
 BUILD = Path(BIN).parent
 

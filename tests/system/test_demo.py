@@ -7,13 +7,13 @@ import signal
 import subprocess
 import unittest
 
-from support import BIN, DEADLINE_S, DEMO, PAYLOADS, PYTHON, SystemTest, wait_until
+from support import BIN, DEADLINE_S, PAYLOADS, PROGRAM, SystemTest, wait_until
 
 
 class DemoTest(SystemTest):
     def start(self, *options):
         return subprocess.Popen(
-            [PYTHON, str(DEMO / "demo.py"), "--bin", str(BIN), "--var", str(self.var), *options],
+            [*PROGRAM, "srfs.demo", "--bin", str(BIN), "--var", str(self.var), *options],
             stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True,
         )  # fmt: skip
 

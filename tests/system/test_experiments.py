@@ -6,12 +6,12 @@ import json
 import subprocess
 import unittest
 
-from support import BIN, PYTHON, ROOT, SystemTest, hurried_lane
+from support import BIN, PROGRAM, SystemTest, hurried_lane
 
 
 class ExperimentTest(SystemTest):
     def run_experiment(self, *arguments, **options):
-        return subprocess.run([PYTHON, "-B", str(ROOT / "tools" / "experiments" / "experiment.py"), *arguments, "--bin", str(BIN)],
+        return subprocess.run([*PROGRAM, "srfs.experiments", *arguments, "--bin", str(BIN)],
                               stdin=subprocess.DEVNULL, capture_output=True, text=True, timeout=200, **options)  # fmt: skip
 
 

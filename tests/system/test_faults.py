@@ -7,7 +7,9 @@ import signal
 import threading
 import unittest
 
-from support import DEADLINE_S, NODES, PAYLOADS, SystemTest, mission, restarts, slots, wait_for_slots, wait_until
+from support import DEADLINE_S, NODES, PAYLOADS, SystemTest, restarts, slots, wait_for_slots, wait_until
+
+from srfs.flight import mission
 
 HEALTHY = ("payload_adcs", "payload_thermal")
 

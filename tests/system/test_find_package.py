@@ -7,8 +7,9 @@ import tempfile
 import unittest
 from pathlib import Path
 
-import hardening
 from support import BIN, run
+
+from srfs import hardening
 
 SOURCE = Path(__file__).resolve().parents[2]
 BUILD = Path(BIN).parent

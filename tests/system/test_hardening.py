@@ -7,9 +7,10 @@ import tempfile
 import unittest
 from pathlib import Path
 
-import hardening
 from support import BIN, ROOT, run
 from test_lane import LaneTest
+
+from srfs import hardening
 
 BUILD = Path(BIN).parent
 BIG = 200_000  # octets; a stripped file of this size has a buffer on the stack somewhere
@@ -79,7 +80,7 @@ class HardeningTest(unittest.TestCase):
 
     def test_the_checker_is_a_program_that_says_how_many_files_it_saw(self):
         def check(folder):
-            return subprocess.run(["python3", "-B", ROOT / "tests/system/hardening.py", folder], capture_output=True, text=True, timeout=60)
+            return subprocess.run(["python3", "-B", "-m", "srfs.hardening", folder], capture_output=True, text=True, timeout=60)
 
         whole = check(self.folder / "bin")
         self.assertEqual(whole.returncode, 0, whole.stdout)

@@ -9,7 +9,6 @@ import random
 import signal
 import struct
 import threading
-
 import unittest
 
 from support import BIN, DEADLINE_S, JUDGED, SystemTest, restarts, wait_for_slots, wait_until

@@ -8,13 +8,8 @@ import signal
 import subprocess
 import unittest
 
+from mission_dictionary import load
 from support import BIN, DEADLINE_S, NODES, ROOT, SystemTest, wait_until
-
-import sys
-
-sys.path.insert(0, str(ROOT / "msgs" / "generator"))
-
-from mission_dictionary import load  # noqa: E402
 
 PARAMETERS = {p["full_name"]: p for p in load(ROOT / "msgs" / "mission").parameters}
 

@@ -5,7 +5,6 @@
 import os
 import random
 import threading
-
 import unittest
 
 from support import DEADLINE_S, wait_for_slots, wait_until

@@ -9,7 +9,9 @@ import subprocess
 import threading
 import unittest
 
-from support import BIN, DEADLINE_S, DEMO, PYTHON, SystemTest, mission, wait_until
+from support import BIN, DEADLINE_S, PROGRAM, SystemTest, wait_until
+
+from srfs.flight import mission
 
 
 class Sim:
@@ -17,7 +19,7 @@ class Sim:
 
     def __init__(self, var, *options, before=None):
         self.process = subprocess.Popen(
-            [PYTHON, str(DEMO / "sim.py"), "--bin", str(BIN), "--var", str(var), *map(str, options)],
+            [*PROGRAM, "srfs.sim", "--bin", str(BIN), "--var", str(var), *map(str, options)],
             stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, preexec_fn=before,
         )  # fmt: skip
         self.said = ""

@@ -10,8 +10,10 @@ import signal
 import subprocess
 import unittest
 
-from support import BIN, DEADLINE_S, SystemTest, ToolTest, mission, wait_until
+from support import BIN, DEADLINE_S, SystemTest, ToolTest, wait_until
 from test_simulation import Sim, ping
+
+from srfs.flight import mission
 
 ROUNDS = 4
 MOST_QUOTA_S = 300

@@ -4,7 +4,6 @@
 
 import os
 import signal
-
 import unittest
 
 from support import DEADLINE_S, SystemTest, wait_for_slots, wait_until

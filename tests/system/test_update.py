@@ -8,7 +8,9 @@ import signal
 import subprocess
 import unittest
 
-from support import BIN, DEADLINE_S, ROOT, SystemTest, hurried_lane, mission, wait_until
+from support import BIN, DEADLINE_S, ROOT, SystemTest, hurried_lane, wait_until
+
+from srfs.flight import mission
 
 BUILD_DEADLINE_S = 180  # a compiler on a loaded machine
 IDLE = ROOT / "examples" / "payload_idle" / "main.cpp"

@@ -6,7 +6,9 @@ import os
 import signal
 import unittest
 
-from support import DEADLINE_S, NODES, SystemTest, mission, wait_until
+from support import DEADLINE_S, NODES, SystemTest, wait_until
+
+from srfs.flight import mission
 
 TIMEOUT = ("watchdog: { timeout_ms: 10000 }", "watchdog: { timeout_ms: 5000 }")
 

@@ -48,7 +48,6 @@ def can_tests(program, full):
 
 
 def mission_tests():
-    sys.path.insert(0, str(HERE))
     suite = unittest.defaultTestLoader.loadTestsFromName("test_mission")
     result = unittest.TextTestRunner(stream=sys.stdout, verbosity=2).run(suite)
     failed = len(result.failures) + len(result.errors)

@@ -19,17 +19,15 @@ import unittest
 
 import yaml
 
-sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[1] / "system"))
-
-from support import BIN, DEADLINE_S, PAYLOADS, wait_until  # noqa: E402  (found through the path above)
-
-import can_frames  # noqa: E402  (found through support)
-import deployments  # noqa: E402
-import mission  # noqa: E402
-from rotation import Rotation  # noqa: E402
+from srfs.flight import deployments, mission
+from srfs.flight.deployments import PAYLOADS
+from srfs.flight.mission import wait_until
+from srfs.record import can_frames
+from srfs.record.rotation import Rotation
 
 FULL = os.environ.get("SRFS_VM_FULL") == "1"
-PATIENCE_S = DEADLINE_S * mission.PATIENCE
+BIN = pathlib.Path(os.environ["SRFS_BIN"])
+PATIENCE_S = 90 * mission.PATIENCE
 SLOTS = 100 if FULL else 4  # per payload, in each check of the rotation
 CLOCK_ERROR_NS = 2_000_000  # between the two clocks, in case the host's clock is slewed meanwhile
 LAST_CPU = pathlib.Path("/sys/devices/system/cpu/cpu1/online")

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 SRFS contributors
 # SPDX-License-Identifier: Apache-2.0
-"""One boot of the guest of tools/vm/watchdog_test.py: the suite over Linux' watchdog device, until the watchdog resets the machine.
+"""One boot of the guest of python/srfs/vm/watchdog.py: the suite over Linux' watchdog device, until the watchdog resets the machine.
 
 First boot: everything stops and nobody feeds any more. Second boot: what the boot record says of it. The boot record lies in /run/vm, which is
 the host's, so it outlives the reset; one JSON object a line goes there too. The rest of VAR/state is in memory: a file of the host's costs
@@ -18,17 +18,14 @@ import sys
 import tempfile
 import time
 
-sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[1] / "system"))
-
-from support import BIN, DEADLINE_S, NODES  # noqa: E402  (found through the path above)
-
-import deployments  # noqa: E402  (found through support)
-import mission  # noqa: E402
+from srfs.flight import deployments, mission
+from srfs.flight.deployments import NODES
 
 KEPT = pathlib.Path("/run/vm/kept")
 TIMEOUT_S = 20  # starts and discovery take seconds on an emulated processor
 MODULES = {"softdog": ["softdog", "nowayout=1"], "i6300esb": ["i6300esb", "nowayout=1"]}
-PATIENCE_S = DEADLINE_S * mission.PATIENCE
+BIN = pathlib.Path(os.environ["SRFS_BIN"])
+PATIENCE_S = 90 * mission.PATIENCE
 RESET_DEADLINE_S = 10 * TIMEOUT_S
 
 

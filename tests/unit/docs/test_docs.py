@@ -7,16 +7,13 @@ For command lines of the programs, see tests/system/test_documented_commands.py.
 
 import re
 import subprocess
-import sys
 import unittest
 from pathlib import Path
 
-ROOT = Path(__file__).resolve().parents[3]
-sys.path.insert(0, str(ROOT / "tools/demo"))
+from srfs import ROOT
+from srfs.flight import deployments
 
-import deployments  # noqa: E402
-
-TOP = ("docs", "lib", "nodes", "programs", "tests", "tools", "ground", "hw_sim", "msgs", "launch_config", "packaging", "examples", "cmake")
+TOP = ("docs", "lib", "nodes", "programs", "tests", "tools", "python", "ground", "hw_sim", "msgs", "launch_config", "packaging", "examples", "cmake")
 # Folders of a running deployment (VAR) and of an installation whose names begin like folders of the tree.
 NOT_OURS = re.compile(r"^(ground/(files|uplink\.json|package_test\.seed)|lib/(systemd|modules)|docs/how-to/yamcs/(mdb|etc/(events|tc_uplink)))")
 SOURCE = re.compile(r"(?<![\w./*-])[a-z][a-z0-9_]*\.(?:cpp|hpp|py|jinja|cmake)\b")

@@ -4,17 +4,12 @@
 
 import re
 import subprocess
-import sys
 import unittest
-from pathlib import Path
 from unittest import mock
 
-ROOT = Path(__file__).resolve().parents[3]
-sys.path.insert(0, str(ROOT / "tools/evidence"))
+from srfs import ROOT, evidence
 
-import evidence_page  # noqa: E402  (found through the path above)
-
-TOPICS = {name: evidence_page.load(name) for _, _, names in evidence_page.PAGES.values() for name in names}
+TOPICS = {name: evidence.load(name) for _, _, names in evidence.PAGES.values() for name in names}
 
 
 def git(*arguments):
@@ -35,8 +30,8 @@ def example(**changes):
 
 
 def page_of(topic):
-    with mock.patch.object(evidence_page, "load", lambda _: topic), mock.patch.object(evidence_page, "PAGES", {"page.md": ("Page", ["Text."], ("example",))}):
-        return evidence_page.render("page.md")
+    with mock.patch.object(evidence, "load", lambda _: topic), mock.patch.object(evidence, "PAGES", {"page.md": ("Page", ["Text."], ("example",))}):
+        return evidence.render("page.md")
 
 
 class Results(unittest.TestCase):
@@ -57,22 +52,22 @@ class Results(unittest.TestCase):
         if git("rev-parse", "--is-shallow-repository").stdout.strip() != "false":
             self.skipTest("the history is not here")
         named = {row.get("commit", run["commit"]) for _, _, run, row in results()}
-        pages = "".join((evidence_page.FOLDER / page).read_text() for page in evidence_page.PAGES)
+        pages = "".join((evidence.FOLDER / page).read_text() for page in evidence.PAGES)
         named |= set(re.findall(r"[Cc]ommit `([0-9a-f]{7,40})`", pages))
         self.assertEqual([commit for commit in sorted(named) if git("cat-file", "-e", f"{commit}^{{commit}}").returncode != 0], [])
 
     def test_each_file_is_shown_on_a_page(self):
-        self.assertEqual({path.stem for path in (evidence_page.FOLDER / "results").glob("*.json")}, set(TOPICS))
+        self.assertEqual({path.stem for path in (evidence.FOLDER / "results").glob("*.json")}, set(TOPICS))
 
 
 class Pages(unittest.TestCase):
     def test_are_those_of_the_results(self):
-        for page in evidence_page.PAGES:
-            self.assertEqual((evidence_page.FOLDER / page).read_text(), evidence_page.render(page), f"{page} is stale: run tools/evidence/evidence_page.py")
+        for page in evidence.PAGES:
+            self.assertEqual((evidence.FOLDER / page).read_text(), evidence.render(page), f"{page} is stale: run python/srfs/evidence.py")
 
     def test_have_headings_of_their_own(self):
-        for page in evidence_page.PAGES:
-            heads = re.findall(r"^#+ (.*)$", re.sub(r"^```.*?^```", "", evidence_page.render(page), flags=re.M | re.S), re.M)
+        for page in evidence.PAGES:
+            heads = re.findall(r"^#+ (.*)$", re.sub(r"^```.*?^```", "", evidence.render(page), flags=re.M | re.S), re.M)
             self.assertEqual(len(heads), len(set(heads)), page)
 
     def test_columns_are_shown_where_a_row_fills_them(self):
@@ -94,14 +89,14 @@ class Pages(unittest.TestCase):
 
     def test_a_long_command_stays_one_for_the_shell(self):
         command = "./run campaign overload " + " ".join(f"--option{n} value{n}" for n in range(12))
-        lines = evidence_page.broken(command)
+        lines = evidence.broken(command)
         self.assertGreater(len(lines), 2)
         self.assertTrue(all(len(line) <= 100 and line.endswith(" \\") for line in lines[:-1]))
         self.assertEqual(subprocess.run(["sh", "-c", "echo " + "\n".join(lines)], capture_output=True, text=True, check=True).stdout.strip(), command)
         self.assertTrue(all(re.search(r"value\d+$", line.removesuffix(" \\")) for line in lines))
 
     def test_code_is_not_broken(self):
-        lines = evidence_page.wrap("word " * 18 + "`a code span of words` " + "word " * 5)
+        lines = evidence.wrap("word " * 18 + "`a code span of words` " + "word " * 5)
         self.assertEqual(len(lines), 2)
         self.assertTrue(lines[1].startswith("`a code span of words`"))
 

@@ -3,15 +3,11 @@
 """The pictures of README.md and docs/: the text around each names the script that makes it, and the nodes picture shows the deployed nodes."""
 
 import re
-import sys
 import unittest
 import xml.etree.ElementTree
-from pathlib import Path
 
-ROOT = Path(__file__).resolve().parents[3]
-sys.path.insert(0, str(ROOT / "tools/pictures"))
-
-import nodes_picture  # noqa: E402  (found through the path above)
+from srfs import ROOT
+from srfs.pictures import nodes as nodes_picture
 
 SVG = "{http://www.w3.org/2000/svg}"
 NEAR = 8  # the script must be named within so many lines below the picture, or above it in its section
@@ -27,7 +23,7 @@ class NodesPicture(unittest.TestCase):
         cls.svg = xml.etree.ElementTree.parse(ROOT / "docs/pictures/nodes.svg").getroot()
 
     def test_is_what_its_script_draws(self):
-        self.assertEqual((ROOT / "docs/pictures/nodes.svg").read_text(), nodes_picture.picture(nodes_picture.deployed_nodes()), "run tools/pictures/nodes_picture.py")
+        self.assertEqual((ROOT / "docs/pictures/nodes.svg").read_text(), nodes_picture.picture(nodes_picture.deployed_nodes()), "run python/srfs/pictures/nodes.py")
 
     def test_shows_the_nodes_of_the_deployment_in_the_order_of_the_ring(self):
         nodes = nodes_picture.deployed_nodes()
@@ -58,7 +54,7 @@ class Pictures(unittest.TestCase):
                     seen.add((document.parent / picture).resolve())
                     head = max(n for n in range(number) if lines[n].startswith("#"))
                     around = "\n".join(lines[head : number + NEAR + 1])
-                    if not re.search(r"\./run (experiment|campaign|bench)|tools/pictures/\w+\.py", around):
+                    if not re.search(r"\./run (experiment|campaign|bench)|python/srfs/pictures/\w+\.py", around):
                         silent.append(f"{document.name}:{number + 1}: {picture}")
         self.assertEqual(silent, [])
         drawn = {p.resolve() for pattern in ("*.svg", "*.png") for p in (ROOT / "docs").rglob(pattern)}

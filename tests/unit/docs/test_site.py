@@ -3,18 +3,14 @@
 """The documentation site (mkdocs.yml, ./run docs), as far as it can be checked without mkdocs: its pages, and that it loads nothing from other
 hosts."""
 
-import importlib.util
 import json
 import re
 import unittest
-from pathlib import Path
 
 import yaml
 
-ROOT = Path(__file__).resolve().parents[3]
-SPEC = importlib.util.spec_from_file_location("github_markdown", ROOT / "tools/docs/github_markdown.py")
-github_markdown = importlib.util.module_from_spec(SPEC)
-SPEC.loader.exec_module(github_markdown)
+from srfs import ROOT
+from srfs.site import github_markdown
 
 
 class Loader(yaml.SafeLoader):

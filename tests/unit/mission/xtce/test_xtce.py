@@ -15,16 +15,15 @@ import unittest
 from fractions import Fraction
 
 import yaml
+from mission_dictionary import linear, load, snake
+from mission_xtce import with_fields_in_place
+from xtce_interpreter import Database, Refused, child, children
+
+from srfs import ROOT
+from srfs.flight import deployments
 
 HERE = pathlib.Path(__file__).resolve().parent
-ROOT = HERE.parents[3]
 GENERATOR = ROOT / "msgs/generator"
-sys.path[:0] = [str(HERE), str(GENERATOR), str(ROOT / "tools/demo")]
-
-import deployments  # noqa: E402
-from mission_dictionary import linear, load, snake  # noqa: E402
-from mission_xtce import with_fields_in_place  # noqa: E402
-from xtce_interpreter import Database, Refused, child, children  # noqa: E402
 
 DICTIONARIES = {"flying": ROOT / "msgs/mission", "fixture": HERE / "fixture"}
 ROUNDS = {"flying": 4, "fixture": 60}

@@ -4,25 +4,21 @@
 """Writes the C++ source of the peer. The peer makes packets of every structure, event and telecommand of a dictionary with the
 encoders of the flight code, and prints the values in them.
 
-usage: xtce_peer.py --generator FOLDER --dictionary FOLDER --out FILE [--verification]
+usage: xtce_peer.py --dictionary FOLDER --out FILE [--verification]
 """
 
 import argparse
 import pathlib
-import sys
+
+import jinja2
+from mission_dictionary import camel, linear, load, snake
+from mission_structures import CPP, identifier, structure_type
 
 PARSER = argparse.ArgumentParser()
-PARSER.add_argument("--generator", required=True)
 PARSER.add_argument("--dictionary", required=True)
 PARSER.add_argument("--out", required=True)
 PARSER.add_argument("--verification", action="store_true", help="also the reports of ttc")
 ARGUMENTS = PARSER.parse_args()
-sys.path.insert(0, ARGUMENTS.generator)
-
-import jinja2  # noqa: E402
-
-from mission_dictionary import camel, linear, load, snake  # noqa: E402
-from mission_structures import CPP, identifier, structure_type  # noqa: E402
 
 D = load(ARGUMENTS.dictionary)
 NAME_OF_NODE = {a["node"]: a["name"] for a in D.apids}

@@ -1,0 +1,724 @@
+# SPDX-FileCopyrightText: 2026 SRFS contributors
+# SPDX-License-Identifier: Apache-2.0
+"""One running simulation: the simulated spacecraft and the suite in a VAR folder, started, watched and ended in order.
+
+Used by ./run sim, ./run demo, ./run bench and the system tests. Standard library only.
+"""
+
+import contextlib
+import fcntl
+import json
+import os
+import pathlib
+import queue
+import select
+import shutil
+import signal
+import struct
+import subprocess
+import sys
+import threading
+import time
+
+from srfs import ROOT
+from srfs.flight.lateness import ProcessWait
+from srfs.record import can_frames
+
+# SRFS_PATIENCE: this machine (an emulated one) is so many times slower than a usual one, and so much longer is waited.
+PATIENCE = int(os.environ.get("SRFS_PATIENCE", "1"))
+# Waits end as soon as what they wait for is there; how long they last at most is for a machine that others use, too.
+READY_DEADLINE_S = 60 * PATIENCE
+UP_DEADLINE_S = 20 * PATIENCE  # without progress of any node; ten times as long in all
+ANSWER_DEADLINE_S = 60 * PATIENCE
+STOP_PATIENCE_S = 5 * PATIENCE  # without the time in which a process waits for a CPU; ten times as long in all
+MOST_ROUNDS = 5  # of ending what was started while its starter was asked to end
+MOST_PATIENCE = 10
+
+
+class MissionError(Exception):
+    """The simulation cannot start or did not end cleanly. The text is ready to print; code is the exit code."""
+
+    def __init__(self, message, code=1):
+        super().__init__(message)
+        self.code = code
+
+
+def run_program(name, main):
+    """Ends this process with what main() returns; a MissionError is one readable line and its own exit code."""
+    try:
+        sys.exit(main())
+    except MissionError as error:
+        print(f"{name}: {error}", file=sys.stderr)
+        sys.exit(error.code)
+
+
+def find_deployment(name):
+    """The file that NAME means: a file, or launch_config/NAME.yaml."""
+    for path in (pathlib.Path(name), ROOT / "launch_config" / f"{name}.yaml"):
+        if path.is_file():
+            return path.resolve()
+    known = ", ".join(sorted(p.stem for p in (ROOT / "launch_config").glob("*.yaml")))
+    raise MissionError(f"no deployment '{name}': expected a file, or one of {known}", code=2)
+
+
+def installed(bin_dir):
+    """The programs of an installation of the build that bin_dir belongs to: what compiles on board needs headers and libraries beside them."""
+    build = pathlib.Path(bin_dir).absolute().parent
+    if not (build / "CMakeCache.txt").exists():
+        return bin_dir  # an installation already
+    stage = build / "stage"
+    with open(build / ".stage.lock", "a") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        result = subprocess.run(["cmake", "--install", str(build), "--prefix", str(stage)], stdin=subprocess.DEVNULL, capture_output=True, text=True)
+    if result.returncode != 0:
+        raise MissionError(f"cmake --install {build}: {result.stderr.strip()}")
+    return stage / "bin"
+
+
+def lock_owner(path):
+    """Pid that holds the record lock of a node's lock file, as the kernel reports it; None when no process does."""
+    whole_file = struct.pack("hhqqi4x", fcntl.F_WRLCK, os.SEEK_SET, 0, 0, 0)
+    try:
+        with open(path, "r+b") as file:
+            kind, _, _, _, pid = struct.unpack("hhqqi4x", fcntl.fcntl(file, fcntl.F_GETLK, whole_file))
+    except OSError:
+        return None
+    return None if kind == fcntl.F_UNLCK else pid
+
+
+def is_flocked(path):
+    try:
+        with open(path, "r+b") as file:
+            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        return True
+    except OSError:
+        return False
+    return False
+
+
+def command_line(pid):
+    try:
+        return pathlib.Path(f"/proc/{pid}/cmdline").read_bytes().decode(errors="replace").split("\0")
+    except OSError:
+        return []
+
+
+def processes_of(var):
+    """{pid: program} of the simulator and the nodes that run for this VAR folder."""
+    found = {}
+    for entry in pathlib.Path("/proc").iterdir():
+        if not entry.name.isdigit():
+            continue
+        words = command_line(entry.name)
+        program = os.path.basename(words[0]) if words else ""
+        place = words.index("--var") + 1 if "--var" in words else len(words)
+        in_slot = bool(words) and words[0].startswith(f"{var}/versions/")
+        if (program == "hw_sim" or program.endswith("_node") or in_slot) and words[place : place + 1] == [str(var)]:
+            found[int(entry.name)] = program
+    return found
+
+
+def end_processes(pids, patience_s=STOP_PATIENCE_S):
+    """SIGTERM, then SIGKILL for those still there. Returns the pids that needed SIGKILL."""
+    handles = {}
+    for pid in pids:
+        with contextlib.suppress(ProcessLookupError):
+            handles[pid] = os.pidfd_open(pid)
+            signal.pidfd_send_signal(handles[pid], signal.SIGTERM)
+            signal.pidfd_send_signal(handles[pid], signal.SIGCONT)
+    killed = []
+    begin = time.monotonic()
+    for pid, handle in handles.items():
+        if not has_ended(handle, pid, patience_s, begin):
+            killed.append(pid)
+            with contextlib.suppress(ProcessLookupError):
+                signal.pidfd_send_signal(handle, signal.SIGKILL)
+            select.select([handle], [], [], 2)
+        os.close(handle)
+    return killed
+
+
+class Patience:
+    """So many seconds from `begin` on, now unless given. Time in which the process `pid` waits for a CPU does not count, up to MOST_PATIENCE
+    times as long; None: all counts."""
+
+    def __init__(self, seconds, pid=None, begin=None):
+        self.seconds, self.begin, self.waited_s = seconds, time.monotonic() if begin is None else begin, 0.0
+        self._process = None if pid is None else ProcessWait(pid)
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *failure):
+        if self._process:
+            self._process.close()
+
+    def elapsed_s(self):
+        return time.monotonic() - self.begin
+
+    def left_s(self):
+        if self._process:
+            self.waited_s += (self._process.read(time.monotonic_ns()) or 0) / 1e9
+        return min(self.seconds + self.waited_s, MOST_PATIENCE * self.seconds) - self.elapsed_s()
+
+
+def has_ended(handle, pid, patience_s, begin):
+    """Waits for the end of a process (a pidfd) that was asked to end at `begin`."""
+    with Patience(patience_s, pid, begin) as patience:
+        while True:
+            left_s = patience.left_s()
+            if select.select([handle], [], [], min(max(left_s, 0), 0.1))[0]:
+                return True
+            if left_s <= 0:
+                return False
+
+
+def memory_folder(var):
+    """Where the nodes of a VAR folder share memory (VarPaths::memory in lib/suite/instance.cpp)."""
+    value = 0xCBF29CE484222325  # FNV-1a
+    for octet in f"{os.path.normpath(os.path.abspath(var))}/".encode():
+        value = (value ^ octet) * 0x100000001B3 % 2**64
+    return pathlib.Path(f"/dev/shm/srfs_{value:016x}")
+
+
+def has_come(var, node):
+    """Whether a node is in its desired state, by its heartbeat page (lib/suite/ring/heartbeat_page.cpp)."""
+    try:
+        _, process, _, _, lifecycle, _ = struct.unpack("6Q", (memory_folder(var) / f"{node}.heartbeat").read_bytes()[:48])
+    except (OSError, struct.error):
+        return False
+    state, desired = lifecycle & 0xFFFFFFFF, lifecycle >> 32
+    return state != 0 and state == desired and process & 0xFFFFFFFF == lock_owner(var / "run" / f"{node}.lock")
+
+
+def wait_until(condition, deadline_s, what, period_s=0.02, pid=None):
+    """Waits until condition() is true and returns its value; MissionError after deadline_s, counted as Patience does for the process `pid`."""
+    with Patience(deadline_s, pid) as patience:
+        while True:
+            value = condition()
+            if value:
+                return value
+            if patience.left_s() < 0:
+                waited_s = patience.waited_s
+                waiting = f"; it waited for a CPU for {waited_s:.0f} s: close other programs and try again" if waited_s > deadline_s / 4 else ""
+                raise MissionError(f"{what}: not within {patience.elapsed_s():.0f} s{waiting}")
+            time.sleep(period_s)
+
+
+def stop_child(process):
+    """Ends a child. Returns whether it ended by itself, or by SIGTERM."""
+    if process.poll() is not None:
+        return True
+    killed = end_processes([process.pid])
+    process.wait()
+    return not killed
+
+
+class Lines:
+    """A child process that prints one JSON object a line; a thread collects them with the time of their arrival."""
+
+    def __init__(self, command, log_path, stdin=None):
+        self.log_path = log_path
+        with open(log_path, "ab") as log:
+            self.process = subprocess.Popen(
+                command, stdin=stdin, stdout=subprocess.PIPE, stderr=log, start_new_session=True, text=True, bufsize=1
+            )
+        self.messages = []  # everything that came, in order; "arrived" is added (time.monotonic)
+        self._news = threading.Condition()
+        self._listeners = []
+        self._thread = threading.Thread(target=self._read, daemon=True)
+        self._thread.start()
+
+    def _read(self):
+        for line in self.process.stdout:
+            try:
+                message = json.loads(line)
+            except ValueError:
+                message = {"type": "garbled", "text": line}
+            message["arrived"] = time.monotonic()
+            with self._news:
+                self.messages.append(message)
+                self._news.notify_all()
+            for listener in self._listeners:
+                listener(message)
+        with self._news:
+            self._news.notify_all()
+
+    def on_message(self, listener):
+        """Calls listener(message) in the reading thread for everything that comes from now on."""
+        self._listeners.append(listener)
+
+    def position(self):
+        with self._news:
+            return len(self.messages)
+
+    def find(self, matches, since=0):
+        """The first message from position `since` on for which matches(message) is true, or None."""
+        with self._news:
+            return next((m for m in self.messages[since:] if matches(m)), None)
+
+    def select(self, matches, since=0):
+        with self._news:
+            return [m for m in self.messages[since:] if matches(m)]
+
+    def wait_for(self, matches, deadline_s, since=0):
+        """As find, waiting for it; None after deadline_s or when the process ended."""
+        end = time.monotonic() + deadline_s
+        looked_at = since
+        with self._news:
+            while True:
+                for message in self.messages[looked_at:]:
+                    if matches(message):
+                        return message
+                looked_at = len(self.messages)
+                left = end - time.monotonic()
+                if left <= 0 or not self._thread.is_alive():
+                    return None
+                self._news.wait(min(left, 0.5))
+
+    def end(self):
+        if self.process.stdin:
+            with contextlib.suppress(OSError):
+                self.process.stdin.close()
+        stop_child(self.process)
+        self._thread.join(2)
+        self.process.stdout.close()
+
+
+class GroundSession(Lines):
+    """`srfs-ground session`: sends command lines, collects everything that the spacecraft says."""
+
+    def __init__(self, mission):
+        command = [mission.program("srfs-ground"), "--port", str(mission.var / "rs422"), "--deployment",
+                   str(mission.deployment), "--json", "session"]  # fmt: skip
+        super().__init__(command, mission.var / "log" / "ground.log", stdin=subprocess.PIPE)
+        self._line = 0
+        self.sent_ns = {}  # line number -> CLOCK_MONOTONIC just before it was written
+
+    def send(self, line):
+        """Writes one command line; returns its number, which everything it causes carries."""
+        self._line += 1
+        self.sent_ns[self._line] = time.monotonic_ns()
+        try:
+            self.process.stdin.write(line + "\n")
+            self.process.stdin.flush()
+        except OSError as error:
+            raise MissionError(f"srfs-ground ended: see {self.log_path}") from error
+        return self._line
+
+    def outcome(self, line, deadline_s):
+        """The final stage of the telecommand of a line, or the error that kept it from being sent; None: neither came."""
+        return self.wait_for(
+            lambda m: m.get("line") == line and (m["type"] == "error" or m["type"] == "tc_stage" and m["final"]), deadline_s
+        )
+
+    def command(self, text, deadline_s=ANSWER_DEADLINE_S):
+        """Sends a line and waits for its outcome."""
+        return self.outcome(self.send(text), deadline_s)
+
+    def housekeeping(self, structure, deadline_s=ANSWER_DEADLINE_S, since=None, matches=lambda fields: True):
+        """The next live packet of a structure whose fields match; None after deadline_s."""
+        since = self.position() if since is None else since
+        return self.wait_for(
+            lambda m: m.get("structure") == structure and m.get("vc") == 0 and matches(m["fields"]), deadline_s, since
+        )
+
+    def fresh(self, structure, deadline_s=ANSWER_DEADLINE_S):
+        """Asks for a structure now, again while that is refused (its node may have to come yet), and returns its fields; None when it did not
+        come."""
+        since = self.position()
+        end = time.monotonic() + deadline_s
+        is_packet = lambda m: m.get("structure") == structure and m.get("vc") == 0  # noqa: E731
+        while True:
+            line = self.send(f"tc housekeeping.one_shot structure={structure}")
+            refused = lambda m, line=line: m.get("line") == line and m["type"] == "tc_stage" and m["final"] and m["stage"] != "completed"  # noqa: E731
+            answer = self.wait_for(lambda m: is_packet(m) or refused(m), end - time.monotonic(), since)
+            if answer and not is_packet(answer):
+                answer = self.wait_for(is_packet, min(0.5, end - time.monotonic()), since)
+            if answer or time.monotonic() > end:
+                return answer["fields"] if answer else None
+
+    def stats(self, deadline_s=ANSWER_DEADLINE_S):
+        since = self.position()
+        self.send("stats")
+        return self.wait_for(lambda m: m["type"] == "stats", deadline_s, since)
+
+
+class Mission:
+    """The simulated spacecraft and the suite, up between __enter__ and __exit__."""
+
+    def __init__(self, var, deployment="sim", bin_dir="build-release/bin", say=lambda text: None, only=(), insist_s=0, wait_for_all=True):
+        self.var = pathlib.Path(var).absolute()
+        self.deployment = find_deployment(deployment)
+        self.simulated = self.deployment  # what hw_sim reads; another file where a real device stands in for one of its own
+        self.bin_dir = pathlib.Path(bin_dir).absolute()
+        self.say = say
+        self.only = only  # nodes that are started; empty: all
+        self.insist_s = insist_s  # so long ended nodes are restarted: without a ring, nodes the switcher kills on a late machine stay down
+        self.wait_for_all = wait_for_all  # else nodes that flight does not need (the image lane) join when they can
+        self.coming = []  # those of them that are not there yet
+        self.run_dir = self.var / "run"
+        self.hw_sim = None
+        self.up_report = None
+        self._lock = None
+        self._lines = []
+        self._rest = None
+        self._watched = {}
+
+    # --- starting ---------------------------------------------------------------------------------------------------
+
+    def __enter__(self):
+        self.start()
+        return self
+
+    def start(self):
+        self._take_lock()
+        try:
+            self._end_orphans()
+            self._start_hw_sim()
+            self._start_suite()
+        except BaseException:
+            self._end_quietly()
+            raise
+
+    def program(self, name):
+        path = self.bin_dir / name
+        if not path.exists():
+            raise MissionError(f"{path} is missing: build first (./run build)", code=2)
+        return str(path)
+
+    def _take_lock(self):
+        self.var.mkdir(parents=True, exist_ok=True)
+        self.run_dir.mkdir(mode=0o700, exist_ok=True)  # locks and sockets of this user alone
+        (self.var / "log").mkdir(exist_ok=True)
+        path = self.run_dir / "mission.lock"
+        for _ in range(10):  # the last holder removes the file on its way out: then it is another file now
+            lock = open(path, "a+", opener=lambda name, flags: os.open(name, flags | os.O_NOFOLLOW, 0o600))
+            try:
+                fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            except BlockingIOError:
+                lock.seek(0)
+                pid = lock.read().strip() or "unknown"
+                lock.close()
+                raise MissionError(
+                    f"{self.var} is in use by a running simulation (pid {pid}): end that one, or choose another folder with --var",
+                    code=2,
+                ) from None
+            with contextlib.suppress(FileNotFoundError):
+                if os.fstat(lock.fileno()).st_ino == os.stat(path).st_ino:
+                    break
+            lock.close()
+        else:
+            raise MissionError(f"{path}: cannot lock")
+        lock.truncate(0)
+        lock.write(f"{os.getpid()}\n")
+        lock.flush()
+        self._lock = lock
+
+    def _orphans(self):
+        """{pid: name} of what an earlier simulation that was killed left running in VAR."""
+        found = {}
+        for lock in self.run_dir.glob("*.lock"):
+            pid = lock_owner(lock)
+            if pid and str(self.var) in command_line(pid):
+                found[pid] = lock.stem
+        if is_flocked(self.run_dir / "hw_sim.lock"):
+            with contextlib.suppress(OSError, ValueError):
+                pid = int((self.run_dir / "hw_sim.pid").read_text())
+                if str(self.var) in command_line(pid):
+                    found[pid] = "hw_sim"
+        found.update({pid: name for pid, name in processes_of(self.var).items() if pid not in found})
+        return found
+
+    def _end_orphans(self):
+        for orphans, killed in self._end_rounds(self._orphans):
+            names = ", ".join(f"{name} (pid {pid})" for pid, name in sorted(orphans.items()))
+            self.say(f"an earlier simulation in {self.var} was killed; ending what it left: {names}")
+            for pid in killed:
+                self.say(f"{orphans[pid]} (pid {pid}) did not end in time and was killed")
+        self._remove_run_files()
+
+    def _end_rounds(self, running):
+        """Ends what running() finds, {pid: name}, until it finds nothing: a node that was just restarting another when it was asked to end
+        leaves that one behind. Yields, for each round, what was found and which of it needed SIGKILL."""
+        (self.run_dir / "stopping").touch()  # no restart begins from now on
+        for _ in range(MOST_ROUNDS):
+            found = running()
+            if not found:
+                return
+            yield found, end_processes(found)
+
+    def _remove_run_files(self):
+        for path in self.run_dir.iterdir():
+            if path.name != "mission.lock":
+                path.unlink(missing_ok=True)
+        shutil.rmtree(memory_folder(self.var), ignore_errors=True)
+        with contextlib.suppress(OSError):
+            (self.var / "rs422").unlink()
+
+    def _start_hw_sim(self):
+        log = self.var / "log" / "hw_sim.log"
+        with open(log, "ab") as file:
+            begin = file.tell()
+            self.hw_sim = subprocess.Popen(
+                [self.program("hw_sim"), "--deployment", str(self.simulated), "--var", str(self.var)],
+                stdin=subprocess.DEVNULL, stdout=file, stderr=file, start_new_session=True,
+            )  # fmt: skip
+        wait_until(
+            lambda: (self.run_dir / "hw_sim.ready").exists() or self.hw_sim.poll() is not None,
+            READY_DEADLINE_S, f"the simulated spacecraft is ready (see {log})", pid=self.hw_sim.pid,
+        )  # fmt: skip
+        if self.hw_sim.poll() is not None:
+            said = log.read_bytes()[begin:].decode(errors="replace").strip()
+            raise MissionError(f"{self.deployment}: the simulated spacecraft did not start:\n{said}", code=2)
+
+    def _start_suite(self):
+        earlier = {log.stem: log.stat().st_size for log in (self.var / "log").glob("*.log")}
+        options = [word for name in self.only for word in ("--only", name)] + ["--all"] * self.wait_for_all
+        begin = time.monotonic()
+        while True:
+            code, output, said = self._srfs_up("--deadline", str(UP_DEADLINE_S), *options)
+            try:
+                self.up_report = json.loads(output)
+            except ValueError:
+                raise MissionError(f"srfs up: {said.strip()}", code=code or 1) from None
+            if self.up_report["ok"] or time.monotonic() - begin >= self.insist_s:
+                break
+        if not self.up_report["ok"]:
+            late = [node["name"] for node in self.up_report["nodes"] if node["state"] != "active"]
+            errors = [error for name in late for error in self._last_error(name, earlier.get(name, 0))]
+            in_the_file = any(str(self.deployment) in error for error in errors)
+            raise MissionError("the suite did not come up:\n" + "\n".join(self.up_report["problems"] + errors + self.up_report["advice"]), code=2 if in_the_file else 1)
+        self.coming = self.up_report["coming"]
+        self._watched = {node["name"]: node["pid"] for node in self.up_report["nodes"]}
+
+    def _srfs_up(self, *options):
+        """(exit code, output, errors) of `srfs up`, which says on its error output, line by line, what it waits for."""
+        command = [self.program("srfs"), "up", *options, "--json", "--deployment", str(self.deployment), "--var", str(self.var)]
+        said = []
+        with subprocess.Popen(command, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
+            try:
+                for line in process.stderr:
+                    said.append(line)
+                    self.say(f"  {line.rstrip()}")
+                output = process.stdout.read()
+            except BaseException:
+                process.terminate()
+                raise
+        return process.returncode, output, "".join(said)
+
+    def start_rest(self):
+        """`srfs up` that starts what is missing and waits for all nodes, also those that flight does not need, as long as they make
+        progress; ended with the mission."""
+        command = [self.program("srfs"), "up", "--all", "--deadline", str(UP_DEADLINE_S), "--deployment", str(self.deployment), "--var", str(self.var)]
+        with open(self.var / "log" / "up.log", "ab") as log:
+            self._rest = subprocess.Popen(command, stdin=subprocess.DEVNULL, stdout=log, stderr=log, start_new_session=True)
+        return self._rest
+
+    def _last_error(self, node, begin):
+        """The last error in a node's log behind octet `begin`, as a list of at most one line."""
+        with contextlib.suppress(OSError):
+            lines = (self.var / "log" / f"{node}.log").read_bytes()[begin:].decode(errors="replace").splitlines()
+            return [line for line in lines if " ERROR " in line or " FATAL " in line][-1:]
+        return []
+
+    # --- while it runs ----------------------------------------------------------------------------------------------
+
+    @property
+    def domain(self):
+        return self.up_report["domain"]
+
+    def srfs(self, *arguments, timeout_s=3 * ANSWER_DEADLINE_S):
+        """One run of `srfs` with --json for this deployment and VAR."""
+        return subprocess.run(
+            [self.program("srfs"), *arguments, "--json", "--deployment", str(self.deployment), "--var", str(self.var)],
+            stdin=subprocess.DEVNULL, capture_output=True, text=True, timeout=timeout_s,
+        )  # fmt: skip
+
+    def ground_tool(self, *arguments, timeout_s=60):
+        """What one run of srfs-ground prints that needs no line to the spacecraft: packages, keys."""
+        run = subprocess.run([self.program("srfs-ground"), *map(str, arguments)], stdin=subprocess.DEVNULL, capture_output=True, text=True, timeout=timeout_s)
+        if run.returncode != 0:
+            raise MissionError(f"srfs-ground {arguments[0]} {arguments[1]}: {run.stderr.strip()}")
+        return run.stdout
+
+    def status(self):
+        """[{name, state, pid, incarnation, version, restarts, last_restart_cause}] as `srfs status` lists them."""
+        return json.loads(self.srfs("status").stdout)
+
+    def restarts(self):
+        """How often nodes were restarted since the suite was up. (VAR keeps counting from flight to flight.)"""
+        before = {node["name"]: node["restarts"] for node in self.up_report["nodes"]}
+        return sum(node["restarts"] - before.get(node["name"], 0) for node in self.status())
+
+    def node_pid(self, name):
+        return lock_owner(self.run_dir / f"{name}.lock")
+
+    def control(self, request):
+        """One request to hw_sim (faults, truth, counters); returns its reply."""
+        result = subprocess.run(
+            [self.program("hw_sim"), "--var", str(self.var), "--control", json.dumps(request)],
+            stdin=subprocess.DEVNULL, capture_output=True, text=True, timeout=ANSWER_DEADLINE_S,
+        )  # fmt: skip
+        if result.returncode != 0:
+            raise MissionError(f"hw_sim --control {json.dumps(request)}: {result.stdout or result.stderr}")
+        return json.loads(result.stdout)
+
+    def can_log(self, until_ns=0, deadline_s=5):
+        """The lines of the simulated bus' record, once it has come past until_ns; [] when none is kept."""
+        path = self.var / "log" / "can.log"
+        end = time.monotonic() + deadline_s
+        while True:
+            lines = []
+            for part in (path.with_name("can.log.1"), path):
+                with contextlib.suppress(OSError):
+                    lines += part.read_text().splitlines()
+            late = until_ns > 0 and (can_frames.last_time(lines[-100:]) or 0) <= until_ns  # what is kept is written with a delay
+            if not path.exists() or not late or time.monotonic() > end:
+                return lines
+            time.sleep(0.1)
+
+    def ground(self):
+        """Opens the operator's session; ended with the mission."""
+        self._lines.append(GroundSession(self))
+        return self._lines[-1]
+
+    def hang_up(self, session):
+        """Ends a session before the mission ends; the line serves one at a time."""
+        self._lines.remove(session)
+        session.end()
+
+    def recorder(self):
+        """Listens to the nodes' own topics; ended with the mission."""
+        command = [self.program("srfs"), "record", "--deployment", str(self.deployment), "--var", str(self.var)]
+        recorder = Lines(command, self.var / "log" / "record.log")
+        self._lines.append(recorder)
+        if not recorder.wait_for(lambda m: m["type"] == "recording", ANSWER_DEADLINE_S):
+            raise MissionError(f"srfs record does not listen: see {recorder.log_path}")
+        return recorder
+
+    def news_of_processes(self):
+        """What ended or was restarted since the last call, as lines; and whether the simulation itself is gone."""
+        news = []
+        if self.hw_sim.poll() is not None:
+            code = self.hw_sim.returncode
+            how = f"killed by signal {-code}" if code < 0 else f"ended with exit code {code}"
+            return [f"the simulated spacecraft {how}; its log: {self.var / 'log' / 'hw_sim.log'}"], True
+        for name, pid in self._watched.items():
+            now = self.node_pid(name)
+            if now == pid:
+                continue
+            if pid is None and name in self.coming:
+                pass  # its first process
+            elif now is None:
+                news.append(f"{name} (pid {pid}) is gone; its log: {self.var / 'log' / (name + '.log')}")
+            else:
+                news.append(f"{name} was restarted: pid {now}")
+            self._watched[name] = now
+        for name in [name for name in self.coming if has_come(self.var, name)]:
+            self.coming.remove(name)
+            news.append(f"{name} has come: all nodes are up" if not self.coming else f"{name} has come")
+        return news, False
+
+    def memory_kib(self):
+        """PSS of each node; None for a node that is not there."""
+        memory = {}
+        for name in self._watched:
+            memory[name] = None
+            with contextlib.suppress(OSError, StopIteration):
+                lines = pathlib.Path(f"/proc/{self.node_pid(name)}/smaps_rollup").read_text().splitlines()
+                memory[name] = int(next(line for line in lines if line.startswith("Pss:")).split()[1])
+        return memory
+
+    # --- ending -----------------------------------------------------------------------------------------------------
+
+    def __exit__(self, kind, value, traceback):
+        left = self.stop()
+        if left and kind is None:
+            raise MissionError("the simulation did not end cleanly:\n" + "\n".join(left))
+
+    def stop(self):
+        """Ends everything in order. Returns what was left behind (and has been ended or named), empty when nothing."""
+        left = []
+        for lines in reversed(self._lines):
+            lines.end()
+        self._lines = []
+        if self._rest:
+            stop_child(self._rest)  # it would hold `srfs down` up
+        left += self._stop_suite()
+        left += self._stop_hw_sim()
+        left += self._leftovers()
+        self._remove_run_files()
+        self._release_lock()
+        return left
+
+    def _stop_suite(self):
+        try:
+            result = self.srfs("down", "--patience", str(1000 * STOP_PATIENCE_S), timeout_s=3 * MOST_PATIENCE * STOP_PATIENCE_S)
+            report = json.loads(result.stdout)
+        except subprocess.TimeoutExpired:
+            return ["srfs down did not end in time"]
+        except ValueError:
+            return [f"srfs down: {result.stderr.strip()}"]
+        for name in report["starved"]:
+            self.say(f"{name} got too little CPU time to end within {MOST_PATIENCE * STOP_PATIENCE_S} s and was killed: this machine is too busy")
+        hung = [name for name in report["killed"] if name not in report["starved"]]
+        return [f"{name} did not stop in time and was killed" for name in hung] + [f"{name} could not be stopped" for name in report["left"]]
+
+    def _stop_hw_sim(self):
+        if self.hw_sim.poll() is not None:
+            return [] if self.hw_sim.returncode == 0 else [f"the simulated spacecraft ended with {self.hw_sim.returncode}"]
+        if not stop_child(self.hw_sim):
+            return ["hw_sim did not end in time and was killed"]
+        return [] if self.hw_sim.returncode == 0 else [f"hw_sim ended with {self.hw_sim.returncode}"]
+
+    def _leftovers(self):
+        left = []
+        for remaining, _ in self._end_rounds(lambda: processes_of(self.var)):
+            left += [f"process {name} (pid {pid})" for pid, name in remaining.items()]
+        (self.run_dir / "stopping").unlink(missing_ok=True)
+        if self.hw_sim.returncode < 0:
+            return left  # killed, it could not remove its files; that was reported already
+        left += [f"file {path}" for path in self.run_dir.iterdir() if path.name != "mission.lock"]
+        if (self.var / "rs422").is_symlink():
+            left.append(f"link {self.var / 'rs422'}")
+        left += [f"shared memory {memory_folder(self.var)}"] if memory_folder(self.var).exists() else []
+        return left
+
+    def _end_quietly(self):
+        for lines in reversed(self._lines):
+            lines.end()
+        self._lines = []
+        for _ in self._end_rounds(self._orphans):
+            pass
+        if self.hw_sim:
+            self.hw_sim.wait()
+        self._remove_run_files()
+        self._release_lock()
+
+    def _release_lock(self):
+        if self._lock:
+            (self.run_dir / "mission.lock").unlink(missing_ok=True)
+            self._lock.close()
+            self._lock = None
+
+
+class StopSignals:
+    """SIGINT and SIGTERM as something to look at: the first asks for an orderly end."""
+
+    def __init__(self):
+        self._asked = queue.SimpleQueue()
+        self.asked = False
+        for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+            signal.signal(number, self._on_signal)
+
+    def _on_signal(self, number, frame):
+        self.asked = True
+        self._asked.put(number)
+
+    def wait(self, seconds):
+        """Waits; True as soon as the end was asked for."""
+        with contextlib.suppress(queue.Empty):
+            self._asked.get(timeout=seconds)
+        return self.asked

@@ -1,0 +1,78 @@
+# SPDX-FileCopyrightText: 2026 SRFS contributors
+# SPDX-License-Identifier: Apache-2.0
+"""Which failures the demo excuses on a busy machine, and which not."""
+
+import unittest
+
+from srfs import demo
+from srfs.record import rotation
+
+S = 1_000_000_000
+MS = 1_000_000
+
+
+class ExcusesTest(unittest.TestCase):
+    WAITING = {"ttc": {"waited_s": 0.03, "waits": [[10 * S, 10 * S + 200 * MS, 30 * MS]]}}
+    QUIET = {"late_at": []}
+
+    def test_a_loss_is_excused_by_what_a_process_it_needed_waited_meanwhile(self):
+        excuses = demo.Excuses(self.QUIET, self.WAITING)
+
+        self.assertEqual(excuses.find(["ttc", "hw_sim"], 10 * S, 10 * S + 300 * MS), "ttc waited 30 ms for a CPU")
+        self.assertIsNone(excuses.find(["hw_sim"], 10 * S, 10 * S + 300 * MS), "another process")
+        self.assertIsNone(excuses.find(["ttc"], 11 * S, 12 * S), "another time")
+        self.assertIsNone(excuses.find(["ttc"], 9 * S, 12 * S), "too little for so long a time")
+
+    def test_a_machine_that_stood_still_is_an_excuse_too(self):
+        excuses = demo.Excuses({"late_at": [[10 * S, 10 * S + 50 * MS]]}, {})
+
+        self.assertEqual(excuses.find(["ttc"], 10 * S, 10 * S + 300 * MS), "this machine stood still for 50 ms")
+
+    def test_without_evidence_nothing_is_excused(self):
+        self.assertIsNone(demo.Excuses(self.QUIET, {}).find(["ttc"], 0, 100 * S))
+
+
+class FailedSlotsTest(unittest.TestCase):
+    def test_slots_that_were_over_and_neither_used_nor_handed_back_have_failed(self):
+        seen = rotation.Rotation()
+        for number, (holder, status) in enumerate([("a", "released"), ("b", "failed"), ("a", "not used"), ("b", None), ("a", "released"), ("b", None)]):
+            seen.grants[(1, number)] = {"holder": holder, "cycle": number, "published": number * S, "lease_end": number * S + 80 * MS, "status": status,
+                                        "released": number * S + 50 * MS if status else None, "used_us": None}  # fmt: skip
+
+        self.assertEqual([slot["cycle"] for slot in seen.failed_slots("b")], [1, 3], "the last one is under way")
+        self.assertEqual(seen.failed_slots("a"), [])
+
+    def test_a_tick_without_a_grant_and_without_cause_is_a_skip(self):
+        seen = rotation.Rotation()
+        for cycle in (1, 2, 4, 5):
+            seen.grants[(1, cycle)] = {"holder": "a", "cycle": cycle, "published": cycle * S, "lease_end": cycle * S + 80 * MS, "status": "released",
+                                       "released": cycle * S + 50 * MS, "used_us": 50_000}  # fmt: skip
+        seen.ticks = {cycle: cycle * S for cycle in range(1, 6)}
+
+        self.assertEqual(seen.skips(), [3 * S])
+        self.assertEqual(seen.skipped(), (0, 1))
+
+    def test_a_release_that_is_said_again_to_a_recall_moves_nothing(self):
+        def flags(number, holder, at):
+            seen.on_message({"type": "flags", "switcher": 1, "grant": number, "holder": holder, "cycle": number, "flags": [True, False], "at_ns": at,
+                             "published_ns": at, "lease_end_ns": at + 120 * MS})  # fmt: skip
+
+        def released(number, at, detail=""):
+            seen.on_message({"type": "bus", "switcher": 1, "grant": number, "status": "released", "detail": detail, "said_ns": at, "used_us": 50_000})
+
+        seen = rotation.Rotation()
+        flags(1, "a", S)
+        released(1, S + 83 * MS)
+        flags(2, "b", S + 100 * MS)
+        released(1, S + 105 * MS, "recalled")
+        released(2, S + 150 * MS)
+
+        self.assertEqual(seen.overlaps(), 0)
+        flags(3, "a", S + 200 * MS)
+        flags(4, "b", S + 250 * MS)
+        released(3, S + 260 * MS)
+        self.assertEqual(seen.overlaps(), 1, "the next grant came before the first release")
+
+
+if __name__ == "__main__":
+    unittest.main()
