@@ -3,6 +3,7 @@
 """The paper's experiments with the real processes. ./run test --full runs all of them with their plots."""
 
 import json
+import os
 import subprocess
 import unittest
 
@@ -50,7 +51,7 @@ class Fig12Test(ExperimentTest):
         self.assertEqual(sum(int(row.rsplit(",", 1)[1]) for row in rows[1:]), sum(p["wakeups"] for p in summary["phases"].values()))
 
     def test_what_is_not_possible_is_said_and_not_judged(self):
-        run = self.run_experiment("fig12", "--out", str(self.folder / "out"), "--json", env={"PATH": str(self.folder)})  # a PATH without cyclictest
+        run = self.run_experiment("fig12", "--out", str(self.folder / "out"), "--json", env={**os.environ, "PATH": str(self.folder)})  # a PATH without cyclictest
 
         summary = json.loads(run.stdout)
         self.assertEqual(run.returncode, 0, run.stderr)
