@@ -23,6 +23,7 @@ import yaml
 
 from srfs import ROOT
 from srfs.flight import deployments, mission
+from srfs.flight.processes import wait_until
 
 EMULATOR = "qemu-aarch64-static"
 NODES = ("timing", "can_switcher", "payload_eps")
@@ -78,7 +79,7 @@ def fly(build, hw_sim, sysroot, folder, deadline_s):
     wake_ups = 0
     try:
         suite.start("hw_sim", hw_sim)
-        mission.wait_until((var / "run/hw_sim.ready").exists, READY_DEADLINE_S, "the simulated spacecraft is ready")
+        wait_until((var / "run/hw_sim.ready").exists, READY_DEADLINE_S, "the simulated spacecraft is ready")
         (var / "run/dds_domain").write_text("0\n")
         for name in NODES:
             suite.start(name, *suite.prefix, build / f"bin/{name}_node", "--name", name, "--domain", "0")

@@ -5,25 +5,27 @@
 import argparse
 import datetime
 import json
-import pathlib
 import shutil
 import subprocess
 import sys
 import time
 
-from srfs import ROOT
 from srfs.flight import deployments, mission
 from srfs.flight.deployments import PAYLOADS
+from srfs.flight.ground import ANSWER_DEADLINE_S
 from srfs.flight.lateness import LATE_S, Lateness, Waiting, describe_lateness, describe_waiting, waited_ns
+from srfs.flight.processes import StopSignals
+from srfs.program import Interrupted, MissionError, add_flight_options
 from srfs.record import can_frames
-from srfs.record.rotation import Rotation, percentile
+from srfs.record.rotation import Rotation
 from srfs.report.display import Display, table
+from srfs.report.figures import percentile, quantiles
 
 PAYLOAD_OF_COMMAND = {"adcs": "payload_adcs", "eps": "payload_eps", "thermal": "payload_thermal"}
 SHORTEST_S = 20
 SCRIPT_S = 10  # what the script needs without its two watching phases
 # Waits end with what they wait for: these are for a machine that others use, too.
-ANSWER_DEADLINE_S = mission.ANSWER_DEADLINE_S
+ANSWER_DEADLINE_S = ANSWER_DEADLINE_S
 BEACON_DEADLINE_S = 150  # one is sent every 30 s
 PICTURE_DEADLINE_S = 300
 COMMAND_TRIES = 3
@@ -67,10 +69,6 @@ class Excuses:
             return f"{name} waited {waited[name] / 1e6:.0f} ms for a CPU"
         late_ns = sum(max(0, min(end, end_ns) - max(begin, begin_ns)) for begin, end in self.lateness["late_at"])
         return f"this machine stood still for {late_ns / 1e6:.0f} ms" if late_ns >= least_ns else None
-
-
-class Interrupted(Exception):
-    """The user asked for the end."""
 
 
 class Demo:
@@ -148,11 +146,10 @@ class Demo:
     # --- steps --------------------------------------------------------------------------------------------------------
 
     def check_running(self):
-        if self.signals.asked:
-            raise Interrupted
+        self.signals.check()
         news, gone = self.flight.news_of_processes()
         if gone:
-            raise mission.MissionError(news[0])
+            raise MissionError(news[0])
         for line in news:
             if "has come" in line:
                 self.display.note(line)
@@ -164,8 +161,7 @@ class Demo:
         """Until it is true or the time is up, with an eye on the processes."""
         end = time.monotonic() + deadline_s
         while not condition() and time.monotonic() < end:
-            if self.signals.wait(0.2):
-                raise Interrupted
+            self.signals.pause(0.2)
             self.check_running()
 
     def command(self, text):
@@ -210,8 +206,7 @@ class Demo:
         self.display.step(f"{title} ({duration_s:.0f} s)")
         end = time.monotonic() + duration_s
         while time.monotonic() < end:
-            if self.signals.wait(min(1.0, max(0.0, end - time.monotonic()))):
-                raise Interrupted
+            self.signals.pause(min(1.0, end - time.monotonic()))
             self.check_running()
             slots = self.rotation.slots()
             used = "  ".join(f"{p.removeprefix('payload_')} {slots.get(p, {}).get('used', 0):4}" for p in PAYLOADS)
@@ -333,8 +328,7 @@ class Demo:
         self.display.step(f"Waiting for {', '.join(self.flight.coming) or 'the image lane'}")
         begin_ns = time.monotonic_ns()
         while self.lane.poll() is None:
-            if self.signals.wait(0.2):
-                raise Interrupted
+            self.signals.pause(0.2)
             self.check_running()
         self.check_running()
         needs = [node["name"] for node in self.flight.up_report["nodes"] if node["name"].startswith("image_")]
@@ -493,8 +487,7 @@ class Demo:
                 "all_active_ms": self.flight.up_report["took_ms"],
                 "flag_latency_us": {"p50": switcher.get("flag_latency_p50_us"), "p99": switcher.get("flag_latency_p99_us"),
                                     "max": switcher.get("flag_latency_max_us")},
-                "tick_to_flag_at_recorder_us": {"p50": percentile(latencies, 0.5), "p99": percentile(latencies, 0.99),
-                                                "max": max(latencies, default=None), "samples": len(latencies)},
+                "tick_to_flag_at_recorder_us": {**quantiles(latencies), "samples": len(latencies)},
                 "acceptance_latency_us": {"p50": ttc.get("acceptance_latency_p50_us"), "p99": ttc.get("acceptance_latency_p99_us"),
                                           "max": ttc.get("acceptance_latency_max_us")},
                 "next_slot_by_can_frame": self.next_slot_measure(slot_facts),
@@ -612,18 +605,21 @@ class Demo:
 def parse(arguments=None):
     parser = argparse.ArgumentParser(prog="./run demo", description="Flies the simulated spacecraft with a scripted operator.")
     parser.add_argument("--duration", type=float, default=40, metavar="S", help=f"approximate length, at least {SHORTEST_S} s (default: %(default)s s)")
-    parser.add_argument("--var", default=ROOT / "var", metavar="DIR", help="folder of the running deployment (default: %(default)s)")
-    parser.add_argument("--deployment", default="sim", metavar="NAME", help="launch_config/NAME.yaml, or a file (default: %(default)s)")
     parser.add_argument("--json", action="store_true", help="print only the last line: the summary as JSON")
-    parser.add_argument("--bin", default=ROOT / "build-release" / "bin", metavar="DIR", help=argparse.SUPPRESS)
+    add_flight_options(parser)
     options = parser.parse_args(arguments)
     if options.duration < SHORTEST_S:
         parser.error(f"--duration: expected at least {SHORTEST_S}")
     return options
 
 
-def fly(options, display, signals, witness, waiting):
-    """Flies the demo. Returns the summary."""
+def fly(options, display, signals):
+    """Flies the demo beside its witnesses. Returns the summary."""
+    with Lateness() as witness, Waiting(options.var.absolute()) as waiting:
+        return fly_beside(options, display, signals, witness, waiting)
+
+
+def fly_beside(options, display, signals, witness, waiting):
     flight = mission.Mission(options.var, options.deployment, options.bin, display.line, wait_for_all=False)
     display.step("Starting the simulated spacecraft and the suite")
     flight.start()
@@ -637,7 +633,7 @@ def fly(options, display, signals, witness, waiting):
         summary = demo.summarise()
     except Interrupted:
         demo.failures.append("interrupted by the user")
-    except mission.MissionError as error:
+    except MissionError as error:
         demo.failures.append(str(error))
     finally:
         display.live("")
@@ -653,11 +649,10 @@ def fly(options, display, signals, witness, waiting):
 def main():
     options = parse()
     display = Display(quiet=options.json)
-    signals = mission.StopSignals()
+    signals = StopSignals()
     try:
-        with Lateness() as witness, Waiting(pathlib.Path(options.var).absolute()) as waiting:
-            summary = fly(options, display, signals, witness, waiting)
-    except mission.MissionError as error:
+        summary = fly(options, display, signals)
+    except MissionError as error:
         print(f"demo: {error}", file=sys.stderr)
         print(json.dumps({"ok": False, "failures": [str(error)]}), flush=True)
         return error.code

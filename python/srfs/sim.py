@@ -5,16 +5,14 @@
 import argparse
 import sys
 
-from srfs import ROOT
 from srfs.flight import mission
+from srfs.flight.processes import StopSignals
+from srfs.program import add_flight_options, run_program
 
 
 def parse():
     parser = argparse.ArgumentParser(prog="./run sim", description="Flies the simulated spacecraft until Ctrl-C or SIGTERM.")
-    parser.add_argument("--var", default=ROOT / "var", metavar="DIR", help="folder of the running deployment (default: %(default)s); "
-                        "two simulations run side by side with different folders")  # fmt: skip
-    parser.add_argument("--deployment", default="sim", metavar="NAME", help="launch_config/NAME.yaml, or a file (default: %(default)s)")
-    parser.add_argument("--bin", default=ROOT / "build-release" / "bin", metavar="DIR", help=argparse.SUPPRESS)
+    add_flight_options(parser, "; two simulations run side by side with different folders")
     return parser.parse_args()
 
 
@@ -52,7 +50,7 @@ def fly(flight, signals):
 
 def main():
     arguments = parse()
-    signals = mission.StopSignals()
+    signals = StopSignals()
     flight = mission.Mission(arguments.var, arguments.deployment, arguments.bin, say, wait_for_all=False)
     flight.start()
     say(greeting(flight))
@@ -67,4 +65,4 @@ def main():
 
 
 if __name__ == "__main__":
-    mission.run_program("sim", main)
+    run_program("sim", main)

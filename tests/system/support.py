@@ -17,8 +17,8 @@ import unittest
 
 from srfs import ROOT
 from srfs.flight import deployments, mission
-from srfs.flight.deployments import NODES, PAYLOADS
-from srfs.flight.mission import wait_until
+from srfs.flight.deployments import NODES
+from srfs.flight.processes import command_line, end_processes, processes_of, wait_until
 
 BIN = pathlib.Path(os.environ.get("SRFS_BIN", ROOT / "build-release" / "bin"))
 PROGRAM = ("/usr/bin/python3", "-B", "-m")  # of python/srfs
@@ -55,13 +55,13 @@ def end_flight(var):
     terminals. Returns their {pid: program}."""
     ended = {}
     for _ in range(5):
-        left = mission.processes_of(var)
+        left = processes_of(var)
         if not left:
             break
         ended.update(left)
         with contextlib.suppress(OSError):
             (var / "run" / "stopping").touch()  # no node may restart the processes ended now
-        mission.end_processes(left)
+        end_processes(left)
     shutil.rmtree(mission.memory_folder(var), ignore_errors=True)  # shared memory of killed processes
     return ended
 
@@ -120,7 +120,7 @@ def hurried_lane(var):
     def run():
         while not ended.wait(0.3):
             parents = _parents()
-            lane = {pid for pid in parents if _is_lane(mission.command_line(pid), var)}
+            lane = {pid for pid in parents if _is_lane(command_line(pid), var)}
             while more := {pid for pid, parent in parents.items() if parent in lane} - lane:
                 lane |= more
             for pid in lane:
@@ -179,7 +179,7 @@ class SystemTest(unittest.TestCase):
         return deployments.copy(deployments.FOLDER / f"{base}.yaml", self.folder / "changed.yaml", replacements)
 
     def assert_nothing_left(self, var):
-        self.assertEqual(mission.processes_of(var), {})
+        self.assertEqual(processes_of(var), {})
         self.assertEqual([p.name for p in (var / "run").glob("*")], [])
         self.assertFalse((var / "rs422").is_symlink())
 

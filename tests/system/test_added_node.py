@@ -9,9 +9,11 @@ import struct
 import subprocess
 import unittest
 
-from support import BIN, DEADLINE_S, NODES, PAYLOADS, ROOT, SystemTest, ToolTest, slots, wait_for_slots, wait_until
+from support import BIN, DEADLINE_S, SystemTest, ToolTest, slots, wait_for_slots
 
-from srfs.flight import mission
+from srfs import ROOT
+from srfs.flight.deployments import NODES, PAYLOADS
+from srfs.flight.processes import lock_owner, wait_until
 
 PACKAGE = ROOT / "examples" / "payload_impact"
 PROGRAM = BIN / "payload_impact_node"
@@ -146,7 +148,7 @@ class KilledToolTest(ToolTest):
         return bool(listed["nodes"])
 
     def pid(self):
-        return mission.lock_owner(self.var / "run" / "extra.lock")
+        return lock_owner(self.var / "run" / "extra.lock")
 
     def wait_until_whole(self):
         """Waits until an added node runs, restarted by the ring if need be, or a removed one has no process. Returns whether it is added."""

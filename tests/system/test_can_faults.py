@@ -8,8 +8,10 @@ import signal
 import time
 import unittest
 
-from support import DEADLINE_S, JUDGED, PAYLOADS, SystemTest, restarts, slots, wait_for_slots, wait_until
+from support import DEADLINE_S, JUDGED, SystemTest, restarts, slots, wait_for_slots
 
+from srfs.flight.deployments import PAYLOADS
+from srfs.flight.processes import wait_until
 from srfs.record import can_frames
 
 HEALTHY = ("payload_adcs", "payload_thermal")

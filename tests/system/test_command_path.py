@@ -7,7 +7,9 @@ import signal
 import subprocess
 import unittest
 
-from support import BIN, DEADLINE_S, SystemTest, wait_until
+from support import BIN, DEADLINE_S, SystemTest
+
+from srfs.flight.processes import wait_until
 
 LIMIT = ("  period_ms: 100 ", "  command_path_limit_ms: 6000\n  period_ms: 100 ")
 TIMEOUT = ("watchdog: { timeout_ms: 10000 }", "watchdog: { timeout_ms: 5000 }")

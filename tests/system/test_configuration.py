@@ -7,7 +7,9 @@ import subprocess
 import unittest
 
 import yaml
-from support import BIN, PROGRAM, ROOT, SystemTest
+from support import BIN, PROGRAM, SystemTest
+
+from srfs import ROOT
 
 MISTAKES = [
     # (what, text of sim.yaml, its replacement, what the message names)

@@ -11,9 +11,9 @@ import tempfile
 import unittest
 from pathlib import Path
 
-from support import BIN, ROOT, run
+from support import BIN, run
 
-from srfs import hardening
+from srfs import ROOT, hardening
 
 BUILD = Path(BIN).parent
 

@@ -7,7 +7,10 @@ import signal
 import subprocess
 import unittest
 
-from support import BIN, DEADLINE_S, PAYLOADS, PROGRAM, SystemTest, wait_until
+from support import BIN, DEADLINE_S, PROGRAM, SystemTest
+
+from srfs.flight.deployments import PAYLOADS
+from srfs.flight.processes import wait_until
 
 
 class DemoTest(SystemTest):

@@ -8,7 +8,9 @@ import re
 import subprocess
 import unittest
 
-from support import BIN, ROOT, SystemTest, ToolTest
+from support import BIN, SystemTest, ToolTest
+
+from srfs import ROOT
 
 LINE = re.compile(r"^(OK|note|unknown|WARN|FAIL) +(\S+) +(\S.*)$")
 VERDICTS = ("OK", "note", "unknown", "WARN", "FAIL")

@@ -16,7 +16,9 @@ import time
 import unittest
 from datetime import datetime, timedelta, timezone
 
-from support import BIN, ROOT, SystemTest
+from support import BIN, SystemTest
+
+from srfs import ROOT
 
 DOCUMENTS = ("README.md", *(str(p.relative_to(ROOT)) for folder in ("tutorial", "how-to") for p in sorted((ROOT / "docs" / folder).glob("*.md"))))
 PROGRAMS = r"(?:sudo )?(?:build-release/bin/\S+|\$ground|srfs|python3) "

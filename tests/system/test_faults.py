@@ -7,9 +7,10 @@ import signal
 import threading
 import unittest
 
-from support import DEADLINE_S, NODES, PAYLOADS, SystemTest, restarts, slots, wait_for_slots, wait_until
+from support import DEADLINE_S, SystemTest, restarts, slots, wait_for_slots
 
-from srfs.flight import mission
+from srfs.flight.deployments import NODES, PAYLOADS
+from srfs.flight.processes import lock_owner, wait_until
 
 HEALTHY = ("payload_adcs", "payload_thermal")
 
@@ -51,8 +52,8 @@ class LifecycleTest(SystemTest):
         lock = self.var / "run" / "payload_adcs.lock"
 
         def kill_when_it_runs():
-            wait_until(lambda: lock.exists() and mission.lock_owner(lock), DEADLINE_S, "payload_adcs runs")
-            os.kill(mission.lock_owner(lock), signal.SIGKILL)
+            wait_until(lambda: lock.exists() and lock_owner(lock), DEADLINE_S, "payload_adcs runs")
+            os.kill(lock_owner(lock), signal.SIGKILL)
 
         killer = threading.Thread(target=kill_when_it_runs)
         killer.start()

@@ -8,7 +8,9 @@ import random
 import signal
 import unittest
 
-from support import DEADLINE_S, SystemTest, wait_until
+from support import DEADLINE_S, SystemTest
+
+from srfs.flight.processes import wait_until
 
 TRANSFER_S = 180  # far above the transfer time of these files, for a machine under load
 

@@ -7,10 +7,10 @@ import tempfile
 import unittest
 from pathlib import Path
 
-from support import BIN, ROOT, run
+from support import BIN, run
 from test_lane import LaneTest
 
-from srfs import hardening
+from srfs import ROOT, hardening
 
 BUILD = Path(BIN).parent
 BIG = 200_000  # octets; a stripped file of this size has a buffer on the stack somewhere

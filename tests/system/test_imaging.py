@@ -11,7 +11,9 @@ import signal
 import subprocess
 import unittest
 
-from support import BIN, DEADLINE_S, SystemTest, wait_until
+from support import BIN, DEADLINE_S, SystemTest
+
+from srfs.flight.processes import wait_until
 
 TASK_S = 120  # for a small task, on a machine under load
 ABORTED, IMAGING_LOST = 39, 121

@@ -12,7 +12,10 @@ import subprocess
 import time
 import unittest
 
-from support import BIN, ROOT, temporary_folder, wait_until
+from support import BIN, temporary_folder
+
+from srfs import ROOT
+from srfs.flight.processes import wait_until
 
 LANE = BIN / "srfs-lane"
 USER = 64044  # no other test uses it

@@ -5,7 +5,9 @@
 import json
 import unittest
 
-from support import BIN, DEADLINE_S, ToolTest, wait_until
+from support import BIN, DEADLINE_S, ToolTest
+
+from srfs.flight.processes import wait_until
 
 DEPLOYMENT = """
 deployment: t

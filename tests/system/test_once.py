@@ -11,7 +11,9 @@ import struct
 import threading
 import unittest
 
-from support import BIN, DEADLINE_S, JUDGED, SystemTest, restarts, wait_for_slots, wait_until
+from support import BIN, DEADLINE_S, JUDGED, SystemTest, restarts, wait_for_slots
+
+from srfs.flight.processes import wait_until
 
 PERIPHERALS = {"eps": "eps.switch_load load=2 state={}", "adcs": "adcs.set_mode mode={}", "thermal": "thermal.set_setpoint heater=0 setpoint_k={}"}
 ARGUMENTS = {"eps": ("on", "off"), "adcs": ("point", "idle"), "thermal": ("291", "289")}

@@ -6,7 +6,9 @@ import os
 import signal
 import unittest
 
-from support import DEADLINE_S, SystemTest, wait_until
+from support import DEADLINE_S, SystemTest
+
+from srfs.flight.processes import wait_until
 
 
 class OpenRetrievalTest(SystemTest):

@@ -10,7 +10,9 @@ import tempfile
 import unittest
 from pathlib import Path
 
-from support import BIN, ROOT, SystemTest
+from support import BIN, SystemTest
+
+from srfs import ROOT
 
 EXAMPLE = ROOT / "examples/packages/payload_eps.yaml"
 

@@ -9,7 +9,11 @@ import subprocess
 import unittest
 
 from mission_dictionary import load
-from support import BIN, DEADLINE_S, NODES, ROOT, SystemTest, wait_until
+from support import BIN, DEADLINE_S, SystemTest
+
+from srfs import ROOT
+from srfs.flight.deployments import NODES
+from srfs.flight.processes import wait_until
 
 PARAMETERS = {p["full_name"]: p for p in load(ROOT / "msgs" / "mission").parameters}
 

@@ -13,7 +13,9 @@ import struct
 import subprocess
 import unittest
 
-from support import BIN, DEADLINE_S, SystemTest, wait_until
+from support import BIN, DEADLINE_S, SystemTest
+
+from srfs.flight.processes import wait_until
 
 TRANSFER_S = 180  # far above the transfer time of these files, for a machine under load
 LARGE = 1_000_000  # about 11 s on the line

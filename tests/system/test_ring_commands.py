@@ -7,7 +7,10 @@ import os
 import signal
 import unittest
 
-from support import BIN, DEADLINE_S, ROOT, SystemTest, wait_until
+from support import BIN, DEADLINE_S, SystemTest
+
+from srfs import ROOT
+from srfs.flight.processes import wait_until
 
 
 class RingCommandsTest(SystemTest):

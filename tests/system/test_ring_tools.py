@@ -6,7 +6,9 @@ import json
 import os
 import signal
 
-from support import DEADLINE_S, ToolTest, wait_until
+from support import DEADLINE_S, ToolTest
+
+from srfs.flight.processes import wait_until
 
 DEPLOYMENT = """
 deployment: t

@@ -14,7 +14,9 @@ import xml.etree.ElementTree
 from pathlib import Path
 
 from rosidl_adapter.parser import parse_action_file, parse_message_file, parse_service_file
-from support import ROOT, run
+from support import run
+
+from srfs import ROOT
 
 OURS = ROOT / "msgs/srfs_msgs"
 STANDARD = ROOT / "msgs/interfaces"

@@ -7,8 +7,10 @@ import random
 import threading
 import unittest
 
-from support import DEADLINE_S, wait_for_slots, wait_until
+from support import DEADLINE_S, wait_for_slots
 from test_once import ARGUMENTS, PERIPHERALS, OnceTest
+
+from srfs.flight.processes import wait_until
 
 PATIENCE_S = 120  # from the release on: the ring waits longer after each death
 LATE_MAX_MS = 600000  # a telecommand due while ttc is dead is released when ttc is back, however long that takes here

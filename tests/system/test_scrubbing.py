@@ -6,7 +6,9 @@ import os
 import shutil
 import unittest
 
-from support import BIN, DEADLINE_S, SystemTest, wait_until
+from support import BIN, DEADLINE_S, SystemTest
+
+from srfs.flight.processes import wait_until
 
 
 class ScrubbingTest(SystemTest):

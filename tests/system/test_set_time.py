@@ -7,7 +7,9 @@ import os
 import signal
 import unittest
 
-from support import DEADLINE_S, SystemTest, wait_until
+from support import DEADLINE_S, SystemTest
+
+from srfs.flight.processes import wait_until
 
 HOUR = datetime.timedelta(hours=1)
 TOLERANCE_S = 60  # between the clocks of host and mission on a machine under load; the steps here are an hour

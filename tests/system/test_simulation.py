@@ -9,9 +9,10 @@ import subprocess
 import threading
 import unittest
 
-from support import BIN, DEADLINE_S, PROGRAM, SystemTest, wait_until
+from support import BIN, DEADLINE_S, PROGRAM, SystemTest
 
-from srfs.flight import mission
+from srfs.flight.processes import lock_owner, processes_of, wait_until
+from srfs.program import MissionError
 
 
 class Sim:
@@ -34,7 +35,7 @@ class Sim:
         """Waits for a regular expression in its output."""
         try:
             wait_until(lambda: re.search(pattern, self.said) or self.process.poll() is not None, deadline_s, f"'{pattern}'")
-        except mission.MissionError as error:
+        except MissionError as error:
             raise AssertionError(f"{error}; said:\n{self.said}") from error
         if not re.search(pattern, self.said):
             raise AssertionError(f"ended without saying '{pattern}':\n{self.said}")
@@ -90,7 +91,7 @@ class SimulationTest(SystemTest):
     def test_says_when_a_node_or_the_spacecraft_is_killed(self):
         sim = Sim(self.var)
         sim.says("Ctrl-C ends it")
-        pid = mission.lock_owner(self.var / "run" / "payload_thermal.lock")
+        pid = lock_owner(self.var / "run" / "payload_thermal.lock")
         os.kill(pid, signal.SIGKILL)
         wait_until(lambda: f"payload_thermal (pid {pid}) is gone" in sim.said or "payload_thermal was restarted" in sim.said, DEADLINE_S,
                    f"word of its end in:\n{sim.said}")  # fmt: skip
@@ -98,7 +99,7 @@ class SimulationTest(SystemTest):
         os.kill(int((self.var / "run" / "hw_sim.pid").read_text()), signal.SIGKILL)
         sim.says("the simulated spacecraft killed by signal 9")
         self.assertEqual(sim.ends(), 1)
-        self.assertEqual(mission.processes_of(self.var), {})
+        self.assertEqual(processes_of(self.var), {})
 
 
 class OrphansTest(SystemTest):
@@ -106,14 +107,14 @@ class OrphansTest(SystemTest):
         killed = Sim(self.var)
         killed.says("Ctrl-C ends it")
         killed.stop(signal.SIGKILL)
-        orphans = mission.processes_of(self.var)
+        orphans = processes_of(self.var)
         self.assertIn("hw_sim", orphans.values())
         self.assertIn("ttc_node", orphans.values())
 
         sim = Sim(self.var)
         sim.says("was killed; ending what it left")
         sim.says("Ctrl-C ends it")
-        self.assertEqual(set(orphans) & set(mission.processes_of(self.var)), set())
+        self.assertEqual(set(orphans) & set(processes_of(self.var)), set())
         self.assertEqual(ping(self.var), 0)
         self.assertEqual(sim.stop(), 0, sim.said)
         self.assert_nothing_left(self.var)

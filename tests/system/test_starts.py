@@ -10,10 +10,11 @@ import signal
 import subprocess
 import unittest
 
-from support import BIN, DEADLINE_S, SystemTest, ToolTest, wait_until
+from support import BIN, DEADLINE_S, SystemTest, ToolTest
 from test_simulation import Sim, ping
 
 from srfs.flight import mission
+from srfs.flight.processes import lock_owner, processes_of, wait_until
 
 ROUNDS = 4
 MOST_QUOTA_S = 300
@@ -33,7 +34,7 @@ class StartsTest(SystemTest):
                 for up in ups:
                     said, _ = up.communicate(timeout=2 * DEADLINE_S)
                     self.assertEqual(up.returncode, 0, said)
-                programs = collections.Counter(mission.processes_of(flight.var).values())
+                programs = collections.Counter(processes_of(flight.var).values())
                 self.assertEqual({program: count for program, count in programs.items() if count != 1}, {}, "each once")
             for log in (flight.var / "log").glob("*.log"):
                 self.assertNotIn("is already running as pid", log.read_text(errors="replace"), log.name)
@@ -71,17 +72,17 @@ class StartsTest(SystemTest):
             said, _ = late.communicate(timeout=DEADLINE_S)
             self.assertEqual(late.returncode, 0, said)
             self.assertIn("the suite was stopped meanwhile", said)
-            self.assertEqual(set(mission.processes_of(flight.var).values()), {"hw_sim"})
+            self.assertEqual(set(processes_of(flight.var).values()), {"hw_sim"})
 
     def test_a_simulation_that_ends_by_itself_leaves_none_that_the_ring_restarted(self):
         sim = Sim(self.var)
         sim.says("Ctrl-C ends it")
-        pids = {node: mission.lock_owner(self.var / "run" / f"{node}.lock") for node in ("payload_eps", "ttc", "maintenance")}
+        pids = {node: lock_owner(self.var / "run" / f"{node}.lock") for node in ("payload_eps", "ttc", "maintenance")}
         os.kill(int((self.var / "run" / "hw_sim.pid").read_text()), signal.SIGKILL)
         for pid in pids.values():
             os.kill(pid, signal.SIGKILL)  # the ring restarts nodes while the suite is being ended
         self.assertEqual(sim.ends(), 1)
-        self.assertEqual(mission.processes_of(self.var), {})
+        self.assertEqual(processes_of(self.var), {})
         wait_until(lambda: not mission.memory_folder(self.var).exists(), DEADLINE_S, "nothing is left in memory")
 
 

@@ -7,7 +7,9 @@ import signal
 import time
 import unittest
 
-from support import DEADLINE_S, PAYLOADS, SystemTest, wait_for_slots
+from support import DEADLINE_S, SystemTest, wait_for_slots
+
+from srfs.flight.deployments import PAYLOADS
 
 TICKS_MISSING, TICKS_BACK = 310, 311  # events of can_switcher (msgs/mission/can_switcher.yaml)
 

@@ -6,7 +6,9 @@ import os
 import signal
 import unittest
 
-from support import DEADLINE_S, SystemTest, wait_for_slots, wait_until
+from support import DEADLINE_S, SystemTest, wait_for_slots
+
+from srfs.flight.processes import wait_until
 
 ACCEPTED, STARTED, COMPLETED = 1, 3, 7
 EXPIRED = 20

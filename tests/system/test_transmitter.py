@@ -6,7 +6,9 @@ import os
 import signal
 import unittest
 
-from support import DEADLINE_S, SystemTest, wait_until
+from support import DEADLINE_S, SystemTest
+
+from srfs.flight.processes import wait_until
 
 SILENCE_S = 12
 USUAL_GAP_S = 3  # longest gap between packets while the spacecraft transmits, with margin for a busy machine

@@ -8,9 +8,11 @@ import signal
 import subprocess
 import unittest
 
-from support import BIN, DEADLINE_S, ROOT, SystemTest, hurried_lane, wait_until
+from support import BIN, DEADLINE_S, SystemTest, hurried_lane
 
+from srfs import ROOT
 from srfs.flight import mission
+from srfs.flight.processes import wait_until
 
 BUILD_DEADLINE_S = 180  # a compiler on a loaded machine
 IDLE = ROOT / "examples" / "payload_idle" / "main.cpp"

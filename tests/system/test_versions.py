@@ -9,7 +9,9 @@ import signal
 import time
 import unittest
 
-from support import BIN, DEADLINE_S, ToolTest, wait_until
+from support import BIN, DEADLINE_S, ToolTest
+
+from srfs.flight.processes import wait_until
 
 NODES = """
 nodes:

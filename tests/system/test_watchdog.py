@@ -6,9 +6,10 @@ import os
 import signal
 import unittest
 
-from support import DEADLINE_S, NODES, SystemTest, wait_until
+from support import DEADLINE_S, SystemTest
 
-from srfs.flight import mission
+from srfs.flight.deployments import NODES
+from srfs.flight.processes import PATIENCE, wait_until
 
 TIMEOUT = ("watchdog: { timeout_ms: 10000 }", "watchdog: { timeout_ms: 5000 }")
 
@@ -55,7 +56,7 @@ class WatchdogTest(SystemTest):
                     boot = ground.fresh("timing", DEADLINE_S)
                     self.assertEqual((boot["boot_count"], boot["reset_cause"]), (1 + bites, "watchdog"))
                     since = ground.position()
-                    beacon = ground.wait_for(lambda m: m.get("structure") == "beacon", 60 * mission.PATIENCE, since)
+                    beacon = ground.wait_for(lambda m: m.get("structure") == "beacon", 60 * PATIENCE, since)
                     self.assertEqual((beacon["fields"]["boot_count"], beacon["fields"]["reset_cause"]), (1 + bites, "watchdog"))
 
     def test_counts_boots_and_not_restarts_of_nodes_and_says_when_one_is_healthy(self):

@@ -17,23 +17,20 @@ import threading
 import time
 import unittest
 
-import yaml
-
 from srfs.flight import deployments, mission
 from srfs.flight.deployments import PAYLOADS
-from srfs.flight.mission import wait_until
+from srfs.flight.processes import PATIENCE, kib_of, wait_until
 from srfs.record import can_frames
 from srfs.record.rotation import Rotation
 
 FULL = os.environ.get("SRFS_VM_FULL") == "1"
 BIN = pathlib.Path(os.environ["SRFS_BIN"])
-PATIENCE_S = 90 * mission.PATIENCE
+PATIENCE_S = 90 * PATIENCE
 SLOTS = 100 if FULL else 4  # per payload, in each check of the rotation
 CLOCK_ERROR_NS = 2_000_000  # between the two clocks, in case the host's clock is slewed meanwhile
 LAST_CPU = pathlib.Path("/sys/devices/system/cpu/cpu1/online")
 MAY_UNPLUG = os.environ.get("SRFS_IN_GUEST") == "1" and LAST_CPU.exists()  # never a CPU of a real machine
 REAL_TIME_KERNEL = pathlib.Path("/sys/kernel/realtime").exists()
-PRIORITIES = {"timing": 50, "can_switcher": 48, **dict.fromkeys(PAYLOADS, 45), "ttc": 40}  # as in launch_config/board_rk3568.yaml
 
 
 def ip(*words):
@@ -91,14 +88,14 @@ class Flight:
         real-time kernel."""
         deployment = deployments.read("vcan")
         deployment["devices"]["can"] = f"socketcan:{self.interface}"
-        simulator.write_text(yaml.safe_dump(deployment, sort_keys=False))
+        deployments.write(deployment, simulator)
         if self.pulse_device:
             deployment["devices"]["gps_pulse"] = f"pps:{self.pulse_device}"
         if REAL_TIME_KERNEL:
+            deployments.scheduled(deployment, deployments.realtime())
             for node in deployment["nodes"]:
-                node["scheduling"] = {"policy": "fifo", "priority": PRIORITIES[node["name"]], "cpus": []}
                 node["memory"] = {"lock": True}
-        nodes.write_text(yaml.safe_dump(deployment, sort_keys=False))
+        deployments.write(deployment, nodes)
 
     def start(self):
         ip("add", self.interface, "type", "vcan")
@@ -263,12 +260,10 @@ class MissionOnVcan(unittest.TestCase):
 
     @unittest.skipUnless(REAL_TIME_KERNEL, "no kernel with PREEMPT_RT")
     def test_every_node_has_its_priority_and_its_memory_on_a_real_time_kernel(self):
-        for name, priority in PRIORITIES.items():
+        for name, scheduling in deployments.realtime().items():
             pid = flight.mission.node_pid(name)
-            self.assertEqual((os.sched_getscheduler(pid), os.sched_getparam(pid).sched_priority), (os.SCHED_FIFO, priority), name)
-            status = pathlib.Path(f"/proc/{pid}/status").read_text()
-            locked_kib = next(int(line.split()[1]) for line in status.splitlines() if line.startswith("VmLck:"))
-            self.assertGreater(locked_kib, 1024, name)
+            self.assertEqual((os.sched_getscheduler(pid), os.sched_getparam(pid).sched_priority), (os.SCHED_FIFO, scheduling["priority"]), name)
+            self.assertGreater(kib_of(f"/proc/{pid}/status", "VmLck"), 1024, name)
 
     def test_no_two_payloads_ever_shared_a_slot(self):
         flight.wait_for_slots(1, "to judge")

@@ -20,12 +20,14 @@ import time
 
 from srfs.flight import deployments, mission
 from srfs.flight.deployments import NODES
+from srfs.flight.processes import PATIENCE, wait_until
+from srfs.program import MissionError
 
 KEPT = pathlib.Path("/run/vm/kept")
 TIMEOUT_S = 20  # starts and discovery take seconds on an emulated processor
 MODULES = {"softdog": ["softdog", "nowayout=1"], "i6300esb": ["i6300esb", "nowayout=1"]}
 BIN = pathlib.Path(os.environ["SRFS_BIN"])
-PATIENCE_S = 90 * mission.PATIENCE
+PATIENCE_S = 90 * PATIENCE
 RESET_DEADLINE_S = 10 * TIMEOUT_S
 
 
@@ -52,8 +54,7 @@ def prepare(driver, folder):
     deployment = deployments.read("vcan")
     assert "ring" not in deployment
     deployment["devices"]["watchdog"] = "dev:/dev/watchdog0"
-    (timing,) = (node for node in deployment["nodes"] if node["name"] == "timing")
-    timing["parameters"]["watchdog_timeout_s"] = TIMEOUT_S
+    deployments.node(deployment, "timing")["parameters"]["watchdog_timeout_s"] = TIMEOUT_S
     return var, deployments.write(deployment, folder / "vcan.yaml")
 
 
@@ -79,7 +80,7 @@ def main():
     flight = mission.Mission(var, deployment, BIN, print)
     try:
         flight.start()
-    except mission.MissionError:
+    except MissionError:
         show_logs(var)
         raise
     ground = flight.ground()
@@ -100,7 +101,7 @@ def main():
         subprocess.run([BIN / "srfs", "lifecycle", "timing", "deactivate", "--deadline", str(PATIENCE_S * 1000),
                         "--deployment", deployment, "--var", var], check=True)  # fmt: skip
         records = (KEPT / "boot").glob
-        mission.wait_until(lambda: any("withheld 1" in record.read_text() for record in records("record_?")), PATIENCE_S,
+        wait_until(lambda: any("withheld 1" in record.read_text() for record in records("record_?")), PATIENCE_S,
                            "the boot record says that nobody feeds")  # fmt: skip
     # On a slow machine a payload may have been fenced in its slot, and without a ring it is not restarted.
     pids = {node: pid for node in NODES if (pid := flight.node_pid(node))}

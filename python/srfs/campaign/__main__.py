@@ -3,15 +3,16 @@
 """./run campaign: long runs of the real processes under faults, with a verdict, figures and a plot. Exit code 0 only if every invariant held."""
 
 import argparse
-import json
-import pathlib
 import random
 import shutil
-import sys
 
-from srfs import ROOT
+from srfs import program
 from srfs.campaign import faults, fencing, overload, updates
 from srfs.flight import deployments, mission
+from srfs.flight.deployments import NODES
+from srfs.flight.processes import StopSignals
+from srfs.program import Interrupted, MissionError
+from srfs.report import checks
 
 
 def parse():
@@ -23,11 +24,7 @@ def parse():
                         "updates: packages of sources in a row, a third of them bad, with processes killed; "
                         "overload: beside programs that take the CPUs: who waits for one is not dead, who is dead is found")  # fmt: skip
     parser.add_argument("--seed", type=int, metavar="S", help="of the faults (default: a random one, which is printed)")
-    parser.add_argument("--out", type=pathlib.Path, metavar="DIR", help="where the files go (default: var/campaign/NAME)")
-    parser.add_argument("--var", type=pathlib.Path, metavar="DIR", help="folder of the running deployment (default: DIR of --out + /var)")
-    parser.add_argument("--deployment", metavar="NAME", help="launch_config/NAME.yaml, or a file (default: sim for faults, fencing for fencing)")
-    parser.add_argument("--json", action="store_true", help="print summary.json instead of a table")
-    parser.add_argument("--bin", type=pathlib.Path, default=ROOT / "build-release" / "bin", help=argparse.SUPPRESS)
+    program.add_run_options(parser, "campaign", "sim for faults, fencing for fencing")
     ring = parser.add_argument_group("faults")
     ring.add_argument("--class", dest="classes", metavar="C[,C]", help=f"classes, 'none', or 'all' (default): {', '.join(c.name for c in faults.CLASSES)}")
     ring.add_argument("--nodes", metavar="N[,N]", help="nodes that fail (default: all nine)")
@@ -58,9 +55,9 @@ def parse():
     if unknown := [name for name in wanted if name not in known]:
         parser.error(f"--class: there is no {', '.join(unknown)}; there are {', '.join(known)}")
     options.classes = [known[name] for name in wanted]
-    options.nodes = options.nodes.split(",") if options.nodes else list(faults.NODES)
-    if unknown := [name for name in options.nodes if name not in faults.NODES]:
-        parser.error(f"--nodes: there is no {', '.join(unknown)}; there are {', '.join(faults.NODES)}")
+    options.nodes = options.nodes.split(",") if options.nodes else list(NODES)
+    if unknown := [name for name in options.nodes if name not in NODES]:
+        parser.error(f"--nodes: there is no {', '.join(unknown)}; there are {', '.join(NODES)}")
     try:
         options.subsets = faults.SUBSETS if options.subsets == "all" else int(options.subsets or 0)
     except ValueError:
@@ -70,12 +67,8 @@ def parse():
     return options
 
 
-def show(summary, out):
-    for result in summary["checks"]:
-        count = f" ({result['of']})" if "of" in result else ""
-        print(f"  {'ok    ' if result['ok'] else 'NOT OK'}  {result['what']}{count}")
-        for line in result["shown"]:
-            print(f"            {line}")
+def show_fencing(summary):
+    checks.show(summary["checks"])
     print(f"  {summary['slots']} slots, {summary['frames']} frames, {summary['telecommands']['accepted']} telecommands accepted, "
           f"{summary['telecommands']['outcome_unknown']} with an unknown outcome, {summary['restarts']} restarts in {summary['recorded_s']} s")  # fmt: skip
     for kind, figures in summary["faults"].items():
@@ -83,13 +76,12 @@ def show(summary, out):
         print(f"  {kind:36} {figures['count']:5}   bus used again after {gap.get('p50_ms', '-')} ms (p50), {gap.get('max_ms', '-')} ms (max)"
               + (f"; victim back after {back['p50_ms']} and {back['max_ms']} ms" if back["count"] else ""))  # fmt: skip
     print(f"  {summary['machine']}")
-    print(f"  seed {summary['seed']}; files in {out}")
 
 
 def run_fencing(options, out, seed, signals, say):
     say(f"{options.slots} slots, seed {seed}")
     with mission.Mission(options.var or out / "var", options.deployment or "fencing", options.bin, say, insist_s=mission.UP_DEADLINE_S) as flight:
-        campaign = fencing.Campaign(flight, signals, options.slots, seed, say)
+        campaign = fencing.Fencing(flight, signals, options.slots, seed, say)
         campaign.run()
     verdict, found = campaign.judge()
     campaign.write(out, found)
@@ -103,8 +95,8 @@ def run_trials(campaign, jobs, say):
         try:
             trial = job()
             unsteady = 0
-        except mission.MissionError as error:
-            if error.code == 130 or unsteady == 2:
+        except MissionError as error:
+            if isinstance(error, Interrupted) or unsteady == 2:
                 say(f"{error}: {len(jobs) - number + 1} faults not injected")
                 return
             unsteady += 1
@@ -122,13 +114,13 @@ def run_trials(campaign, jobs, say):
 def run_faults(options, out, seed, signals, say):
     injector = options.bin.absolute().parent / "lib" / "libsrfs_fault_injector.so"
     if not injector.exists():
-        raise mission.MissionError(f"{injector} is missing: build first (./run build)", code=2)
+        raise MissionError(f"{injector} is missing: build first (./run build)", code=2)
     wrappers = faults.Wrappers(out / "bin", options.bin.absolute(), injector)
-    deployment = wrappers.deployment(mission.find_deployment(options.deployment or "sim"), out / "deployment.yaml", options.misses, options.realtime, options.tick_ms)
+    deployment = wrappers.deployment(deployments.find(options.deployment or "sim"), out / "deployment.yaml", options.misses, options.realtime, options.tick_ms)
     order = random.Random(seed)
     trials = [(fault, node) for fault in options.classes for node in options.nodes for _ in range(options.repeat)]
     order.shuffle(trials)
-    subsets = [[n for bit, n in enumerate(faults.NODES) if mask >> bit & 1] for mask in order.sample(range(1, faults.SUBSETS + 1), options.subsets)]
+    subsets = [[n for bit, n in enumerate(NODES) if mask >> bit & 1] for mask in order.sample(range(1, faults.SUBSETS + 1), options.subsets)]
     say(f"{len(trials)} faults, {len(subsets)} subsets, {options.stops} stops, {options.everybody} times everybody, seed {seed}")
     with mission.Mission(options.var or out / "var", deployment, options.bin, say) as flight:
         if options.realtime:
@@ -136,7 +128,7 @@ def run_faults(options, out, seed, signals, say):
         with faults.FaultCampaign(flight, wrappers, signals, seed, say) as campaign:
             jobs = [lambda f=f, n=n: campaign.trial(f, n) for f, n in trials] + [lambda s=s: campaign.subset(s) for s in subsets]
             jobs += [lambda: campaign.stop_everybody(order.choice((0.05, 0.2, 0.5, 1.0, 3.0)))] * options.stops
-            jobs += [lambda: campaign.subset(faults.NODES)] * options.everybody
+            jobs += [lambda: campaign.subset(NODES)] * options.everybody
             run_trials(campaign, jobs, say)
             if options.soak:
                 campaign.soak(options.soak, faults.tick_ms(deployment))
@@ -149,7 +141,7 @@ def run_faults(options, out, seed, signals, say):
 def run_overload(options, out, seed, signals, say):
     """Runs the faults of --class and a CPU hog in --nodes, an overload that ends, and the demo, all beside programs that take the CPUs."""
     wrappers = faults.Wrappers(out / "bin", options.bin.absolute(), options.bin.absolute().parent / "lib" / "libsrfs_fault_injector.so")
-    deployment = wrappers.deployment(mission.find_deployment(options.deployment or "sim"), out / "deployment.yaml", options.misses)
+    deployment = wrappers.deployment(deployments.find(options.deployment or "sim"), out / "deployment.yaml", options.misses)
     names = {fault.name for fault in options.classes}
     trials = [(fault, node) for fault in overload.CLASSES if fault.name in names or (names and fault is faults.HOG_CLASS)
               for node in options.nodes for _ in range(options.repeat)]
@@ -184,36 +176,24 @@ def run_updates(options, out, seed, signals, say):
     return campaign.judge(), lambda: None
 
 
+RUNS = {"faults": (run_faults, faults.show), "fencing": (run_fencing, show_fencing), "updates": (run_updates, updates.show), "overload": (run_overload, faults.show)}
+
+
 def main():
     options = parse()
-    signals = mission.StopSignals()
+    signals = StopSignals()
     seed = random.randrange(1 << 32) if options.seed is None else options.seed
-    out = (options.out or ROOT / "var" / "campaign" / options.name).absolute()
-    out.mkdir(parents=True, exist_ok=True)
-
-    def say(text):
-        print(f"[{options.name}] {text}", file=sys.stderr, flush=True)
-
-    run = {"fencing": run_fencing, "updates": run_updates, "faults": run_faults, "overload": run_overload}[options.name]
+    out, say = program.made_folder(options, "campaign"), program.teller(options.name)
+    run, show = RUNS[options.name]
     verdict, draw = run(options, out, seed, signals, say)
     summary = {"campaign": options.name, "seed": seed, **verdict}
-    (out / "summary.json").write_text(json.dumps(summary, indent=2) + "\n")
-    try:
-        draw()
-    except ImportError:
-        say("python3-matplotlib is missing: no drawing")
-    if options.json:
-        print(json.dumps(summary))
-    elif options.name == "fencing":
-        show(summary, out)
-    elif options.name == "updates":
-        updates.show(summary)
+
+    def show_all():
+        show(summary)
         print(f"  seed {seed}; files in {out}")
-    else:
-        faults.show(summary)
-        print(f"  seed {seed}; files in {out}")
-    return 0 if summary["ok"] else 1
+
+    return program.finish(options, out, summary, draw, show_all, say)
 
 
 if __name__ == "__main__":
-    mission.run_program("campaign", main)
+    program.run_program("campaign", main)

@@ -5,14 +5,14 @@
 import json
 import socket
 
-NAMES = {"payload_adcs": "adcs", "payload_eps": "eps", "payload_thermal": "thermal"}  # names of the payloads' peripherals in hw_sim
+from srfs.flight.deployments import PAYLOADS
 
 
 class Executions:
     def __init__(self, run_dir):
-        self.of = {payload: [] for payload in NAMES}  # ids in order
+        self.of = {payload: [] for payload in PAYLOADS}  # ids in order
         self.unseen = 0  # hw_sim had dropped them before the query
-        self._counts = dict.fromkeys(NAMES, 0)
+        self._counts = dict.fromkeys(PAYLOADS, 0)
         self._socket = run_dir / "sim_control.sock"
 
     def __len__(self):
@@ -25,8 +25,9 @@ class Executions:
             control.connect(str(self._socket))
             control.send(b'{"query":"executed"}')
             reply = json.loads(control.recv(1 << 18))["executed"]
-        for payload, name in NAMES.items():
-            last, count = reply[name]["last"], reply[name]["count"]
+        for payload in PAYLOADS:
+            peripheral = reply[payload.removeprefix("payload_")]
+            last, count = peripheral["last"], peripheral["count"]
             new = count - self._counts[payload]
             self.unseen += max(0, new - len(last))
             self.of[payload] += last[len(last) - min(new, len(last)) :]

@@ -8,30 +8,32 @@ fault_injector.cpp, which a wrapper script preloads into each program.
 
 import collections
 import contextlib
-import csv
 import ctypes
 import dataclasses
-import json
 import math
 import os
 import pathlib
 import platform
-import random
 import select
 import shutil
 import signal
 import statistics
-import subprocess
-import tempfile
 import threading
 import time
 
-from srfs.campaign import executions, witness
-from srfs.flight import deployments, mission
+from srfs.campaign import witness
+from srfs.campaign.campaign import Campaign
+from srfs.flight import deployments
 from srfs.flight.deployments import NODES, PAYLOADS
 from srfs.flight.lateness import Lateness, describe_lateness
+from srfs.flight.load import stress_ng
+from srfs.flight.processes import kib_of, send_signal, wait_until
+from srfs.program import MissionError
+from srfs.report import checks
+from srfs.report.checks import check_none
+from srfs.report.figures import quantiles
+from srfs.report.files import pyplot, save, write_csv
 
-KEPT = {"flags", "bus", "telecommand", "report", "peripheral_reset"}  # message types of `srfs record` that are kept, besides liveness
 STEADY_DEADLINE_S = 60
 OBSERVE_S = 0.5  # after the recovery; any other node with a new process by then is a false restart
 SETTLE_S = 60
@@ -92,17 +94,10 @@ KINDS = {"subset": "several nodes killed at once", "everybody": "all nine killed
          "overload": "more load than CPUs for a while", "suite_stopped": "the whole suite stopped for 0.05 to 3 s and continued", "steady": "between two faults"}  # fmt: skip
 WINDOW_S = 1.5  # length of the ring's death history
 NODE_PRIORITY, DEVICE_PRIORITY = 40, 50  # SCHED_FIFO
-LOAD = ("stress-ng", "--cpu", "4", "--io", "2", "--quiet")
+LOAD = "--cpu 4 --io 2"
 START_FAULT_S = 4  # how long the cause of a fault at start persists
 
-TELECOMMANDS = {
-    "payload_adcs": ("adcs.set_target_quaternion x=0 y=0 z=0 w=1", "adcs.set_mode mode=point"),
-    "payload_eps": ("eps.set_charge_limit limit=0.9", "eps.switch_load load=2 state=on"),
-    "payload_thermal": ("thermal.set_setpoint heater=0 setpoint_k=291", "thermal.set_setpoint heater=1 setpoint_k=289"),
-}
 COMMAND_PERIOD_S = 0.25
-MOST_UNDER_WAY = 3
-FORGET_S = 20
 DELIVERY_NS = 500_000_000  # allowance for delivery from a topic to the campaign, on a busy machine
 GROUND_PATIENCE_S = 40  # a ttc that cannot start for some seconds reports the outcomes once it runs
 
@@ -206,26 +201,19 @@ class Trial:
         return not self.note and not self.false_restarts and (self.expected == "none" or self.active is not None)
 
 
-class FaultCampaign:
+class FaultCampaign(Campaign):
     def __init__(self, flight, wrappers, signals, seed, say, classes=CLASSES, fresh_s=0.4):
+        super().__init__(flight, signals, seed, say)
         self.classes = classes
         self.fresh_ns = int(fresh_s * 1e9)  # maximum age of the last answer of a steady node
-        self.flight = flight
         self.wrappers = wrappers
-        self.signals = signals
-        self.random = random.Random(seed)
-        self.say = say
         self.trials = []
         self.not_applicable = {}  # class -> {node: why it cannot have this fault}
-        self.messages = []
-        self.executions = executions.Executions(flight.run_dir)
         self._lock = threading.Lock()
         self._alive = {}  # node -> (incarnation, state, time of the report)
         self._accusations = []  # (time, subject, observer, class)
         self._processes = collections.defaultdict(list)  # node -> [(time first seen, pid)]
         self._telemetry = collections.defaultdict(list)  # application -> times of packets on the ground
-        self._ends = {}
-        self._under_way = {payload: {} for payload in PAYLOADS}
         self._enough = threading.Event()  # set: send no more telecommands
         self._quit = threading.Event()
         self._threads = []
@@ -236,7 +224,7 @@ class FaultCampaign:
 
     # --- watching ---------------------------------------------------------------------------------------------------
 
-    def _on_record(self, message):
+    def on_record(self, message):
         if message["type"] == "liveness":
             with self._lock:
                 if message["verdict"] == "alive":
@@ -245,16 +233,10 @@ class FaultCampaign:
                     self._accusations.append((message["said_ns"], message["subject"], message["observer"], message["fault"]))
         elif message["type"] == "tick":
             self._ticks += 1
-        elif message["type"] in KEPT:
-            self.messages.append(message)
+        super().on_record(message)
 
-    def _on_downlink(self, message):
-        if message["type"] == "tc_stage":
-            self.messages.append({"at_ns": time.monotonic_ns(), **message})
-            self._ends[message["line"]] = message["final"]
-        if message["type"] == "error" or (message["type"] == "tc_stage" and message["final"]):
-            for under_way in self._under_way.values():
-                under_way.pop(message.get("line"), None)
+    def on_downlink(self, message):
+        super().on_downlink(message)
         if message.get("structure") and message.get("vc") == 0:
             self._telemetry[message["structure"]].append(time.monotonic())
 
@@ -266,17 +248,15 @@ class FaultCampaign:
                 if pid and (not seen or seen[-1][1] != pid):
                     seen.append((time.monotonic_ns(), pid))
 
+    def telecommand(self, payload):
+        return f"{super().telecommand(payload)} --timeout {GROUND_PATIENCE_S}"
+
     def _command(self):
         while not self._quit.wait(COMMAND_PERIOD_S):
-            now = time.monotonic()
-            for payload, under_way in self._under_way.items():
-                if self._enough.is_set():
-                    break
-                for line in [line for line, sent in list(under_way.items()) if now - sent > FORGET_S]:
-                    under_way.pop(line, None)
-                if len(under_way) < MOST_UNDER_WAY:
-                    with contextlib.suppress(mission.MissionError, ValueError):
-                        under_way[self._ground.send(f"tc {self.random.choice(TELECOMMANDS[payload])} --timeout {GROUND_PATIENCE_S}")] = now
+            for payload in PAYLOADS:
+                if not self._enough.is_set():
+                    with contextlib.suppress(MissionError, ValueError):
+                        self.send_telecommand(payload)
             with contextlib.suppress(OSError):
                 self.executions.ask()
 
@@ -292,9 +272,7 @@ class FaultCampaign:
             node in alive and alive[node][1] == ACTIVE and now - alive[node][2] < self.fresh_ns for node in NODES)  # fmt: skip
 
     def wait_until_steady(self, deadline_s=STEADY_DEADLINE_S):
-        mission.wait_until(lambda: self.signals.asked or self._is_steady(), deadline_s, "all nodes Active and answering", period_s=0.02)
-        if self.signals.asked:
-            raise mission.MissionError("interrupted", code=130)
+        self.signals.wait_until(self._is_steady, deadline_s, "all nodes Active and answering")
 
     def _wait_until_forgotten(self, victims):
         """Waits until the suite is steady and the deaths of these nodes have left the ring's window."""
@@ -305,10 +283,7 @@ class FaultCampaign:
     # --- the run ----------------------------------------------------------------------------------------------------
 
     def __enter__(self):
-        recorder = self.flight.recorder()
-        recorder.on_message(self._on_record)
-        self._ground = self.flight.ground()
-        self._ground.on_message(self._on_downlink)
+        self.listen()
         for job in (self._watch_processes, self._command):
             self._threads.append(threading.Thread(target=job, daemon=True))
             self._threads[-1].start()
@@ -329,17 +304,10 @@ class FaultCampaign:
             self.executions.ask()
 
     def _settle(self):
-        with contextlib.suppress(mission.MissionError):  # the verdict reports what is missing
-            mission.wait_until(lambda: self.signals.asked or all(self._ends.copy().values()), SETTLE_S, "every telecommand ended", period_s=0.2)
+        with contextlib.suppress(MissionError):  # the verdict reports what is missing
+            wait_until(lambda: self.signals.asked or self.all_ended(), SETTLE_S, "every telecommand ended", period_s=0.2)
 
     # --- faults -----------------------------------------------------------------------------------------------------
-
-    def _signal(self, pid, number):
-        with contextlib.suppress(ProcessLookupError):
-            handle = os.pidfd_open(pid)
-            with contextlib.suppress(ProcessLookupError):
-                signal.pidfd_send_signal(handle, number)
-            os.close(handle)
 
     def _inject(self, kind, node, pid):
         """@return a callable that ends the fault; None if there is none"""
@@ -347,7 +315,7 @@ class FaultCampaign:
         commands = {"abort": ABORT, "segfault": SEGFAULT, "bad_version": SEGFAULT, "loop": LOOP, "deadlock": DEADLOCK, "deaf": DEAF, "stale_nonce": STALE_NONCE,
                     "wrong_incarnation": WRONG_INCARNATION, "wrong_state": WRONG_STATE, "descriptors": DESCRIPTORS, "idle": IDLE, "hog": HOG}  # fmt: skip
         if kind in signals:
-            self._signal(pid, signals[kind])
+            send_signal(pid, signals[kind])
         elif kind in commands:
             queue_to_thread(pid, pid, commands[kind])
         elif kind == "late":
@@ -390,7 +358,7 @@ class FaultCampaign:
         begin = time.monotonic_ns()
         if fault.expected == "mended":
             self._break_start(fault.name, node)
-            self._signal(before[node], signal.SIGKILL)
+            send_signal(before[node], signal.SIGKILL)
             time.sleep(START_FAULT_S)  # effects on the other nodes in this time are checked below
             self.wrappers.mend(node)
             trial.begin = time.monotonic_ns()
@@ -413,30 +381,28 @@ class FaultCampaign:
     def _put_on_probation(self, node):
         """Puts a version with the same program on probation and waits until the node runs it. Returns the version's number."""
         old = self._incarnations()[node]
-        added = json.loads(self.flight.srfs("versions", "add", node, str(self.wrappers.path(node))).stdout)
-        used = json.loads(self.flight.srfs("versions", "use", node, str(added["version"]), "--probation", "600").stdout)
-        if not used["ok"]:
-            raise mission.MissionError(f"no new version of {node}: {used['error']}")
+        added = self.flight.srfs_json("versions", "add", node, self.wrappers.path(node))
+        self.flight.srfs_json("versions", "use", node, added["version"], "--probation", "600")
 
         def runs():
             with self._lock:
                 incarnation, state, _ = self._alive[node]
-            return self.signals.asked or (incarnation > old and state == ACTIVE)
+            return incarnation > old and state == ACTIVE
 
-        mission.wait_until(runs, STEADY_DEADLINE_S, f"the new version of {node} Active", period_s=0.02)
+        self.signals.wait_until(runs, STEADY_DEADLINE_S, f"the new version of {node} Active")
         self.wait_until_steady()
         return added["version"]
 
     def _judge_rollback(self, node, version):
         """Checks that the node was rolled back after its failed probation. Returns the problem; empty: none."""
         def failed():
-            found = json.loads(self.flight.srfs("versions", "--node", node).stdout)[0]
+            found = self.flight.versions(node)
             return found["running"] == found["active"] == found["last_good"] == 0 and any(
                 v["number"] == version and v["state"] == "failed" for v in found["versions"])  # fmt: skip
 
         try:
-            mission.wait_until(failed, 10, "the verdict on disk", period_s=0.2)  # it is written after the restart
-        except mission.MissionError as error:
+            wait_until(failed, 10, "the verdict on disk", period_s=0.2)  # it is written after the restart
+        except MissionError as error:
             return f"version {version} was not rolled back: {error}"
         return ""
 
@@ -518,10 +484,10 @@ class FaultCampaign:
         before = self._pids()
         trial.begin = time.monotonic_ns()
         for pid in before.values():
-            self._signal(pid, signal.SIGSTOP)
+            send_signal(pid, signal.SIGSTOP)
         time.sleep(seconds)
         for pid in self.random.sample(list(before.values()), len(before)):
-            self._signal(pid, signal.SIGCONT)
+            send_signal(pid, signal.SIGCONT)
         time.sleep(1.0)
         trial.false_restarts = self._changed(before)
         trial.note = ""
@@ -534,12 +500,12 @@ class FaultCampaign:
         trial = Trial("soak", NODES, "none", begin=time.monotonic_ns())
         before, ticks = self._pids(), self._ticks
         self.usage = []  # (s, {node: (KiB, descriptors)})
-        with stress(LOAD) as load:
+        with stress_ng(LOAD) as is_loaded:
             end = time.monotonic() + seconds
             while time.monotonic() < end and not self.signals.asked:
                 self.usage.append((time.monotonic(), {node: usage(pid) for node, pid in self._pids().items()}))
                 time.sleep(min(10, max(0.1, seconds / 20)))
-            trial.note = "" if load.poll() is None else f"{LOAD[0]} ended by itself"
+            trial.note = "" if is_loaded() else "stress-ng ended by itself"
         trial.false_restarts = self._changed(before)
         self.soak_ticks = self._ticks - ticks
         expected = seconds * 1000 / tick_ms
@@ -548,34 +514,18 @@ class FaultCampaign:
         self.trials.append(trial)
 
 
-@contextlib.contextmanager
-def stress(command):
-    """Runs a load beside the mission until the end of the block."""
-    if not shutil.which(command[0]):
-        raise mission.MissionError(f"{command[0]} is not installed: apt-get install {command[0]}", code=2)
-    with tempfile.TemporaryDirectory() as folder, subprocess.Popen(command, cwd=folder, stdout=subprocess.DEVNULL) as load:
-        try:
-            yield load
-        finally:
-            load.send_signal(signal.SIGINT)  # its children end with it
-            try:
-                load.wait(10)
-            except subprocess.TimeoutExpired:
-                load.kill()
-
-
 def make_realtime(pid):
     """Sets SCHED_FIFO for every thread of a process; later threads inherit it."""
     try:
         for task in os.listdir(f"/proc/{pid}/task"):
             os.sched_setscheduler(int(task), os.SCHED_FIFO, os.sched_param(DEVICE_PRIORITY))
     except PermissionError:
-        raise mission.MissionError("--realtime needs CAP_SYS_NICE: run it as root", code=2) from None
+        raise MissionError("--realtime needs CAP_SYS_NICE: run it as root", code=2) from None
 
 
 def tick_ms(deployment):
     """The tick period of a deployment file."""
-    return next(node["parameters"]["tick_period_ms"] for node in deployments.read(deployment)["nodes"] if node["name"] == "timing")
+    return deployments.node(deployments.read(deployment), "timing")["parameters"]["tick_period_ms"]
 
 
 def slope_per_hour(points):
@@ -588,9 +538,9 @@ def slope_per_hour(points):
 
 def usage(pid):
     """(anonymous memory in KiB, open descriptors) of a process; None: it has ended."""
-    with contextlib.suppress(OSError, StopIteration):
-        lines = pathlib.Path(f"/proc/{pid}/status").read_text().splitlines()
-        return int(next(line for line in lines if line.startswith("RssAnon:")).split()[1]), len(os.listdir(f"/proc/{pid}/fd"))
+    memory = kib_of(f"/proc/{pid}/status", "RssAnon")
+    with contextlib.suppress(OSError):
+        return memory and (memory, len(os.listdir(f"/proc/{pid}/fd")))
     return None
 
 
@@ -626,11 +576,8 @@ def gaps_of(flags):
 
 
 def figures(values):
-    values = sorted(v for v in values if v is not None)
-    if not values:
-        return {"count": 0}
-    at = lambda q: round(values[math.ceil(q * len(values)) - 1], 3)  # noqa: E731
-    return {"count": len(values), "p50_s": at(0.5), "p90_s": at(0.9), "max_s": round(values[-1], 3)}
+    values = [value for value in values if value is not None]
+    return {"count": len(values), **(quantiles(values, "p50 p90 max", digits=3, suffix="_s") if values else {})}
 
 
 def sort_telecommands(stages, trials):
@@ -680,12 +627,12 @@ def summarize(campaign):
     soak = len(campaign.usage) > 0  # a long time on a busy machine: some answers come too late
     telecommands = witness.telecommands_of(campaign.messages)
     others, with_ttc, unheard = sort_telecommands([m for m in campaign.messages if m["type"] == "tc_stage"], campaign.trials)
-    checks = [
+    judged = [
         *witness.executed_once(telecommands, campaign.executions.of, soak, campaign.machine["late_at"]),
         witness.told_to_the_ground(others, soak, campaign.machine["late_at"], campaign.overloads),
-        witness.check([f"{t.kind} {','.join(t.victims)}: {t.note or 'false restarts: ' + ', '.join(t.false_restarts)}" for t in campaign.trials if not t.ok],
+        check_none([f"{t.kind} {','.join(t.victims)}: {t.note or 'false restarts: ' + ', '.join(t.false_restarts)}" for t in campaign.trials if not t.ok],
                       "every victim recovers, and nobody else is restarted", len(campaign.trials)),
-        witness.check([f"{campaign.executions.unseen} executions"] if campaign.executions.unseen else [], "every execution was seen"),
+        check_none([f"{campaign.executions.unseen} executions"] if campaign.executions.unseen else [], "every execution was seen"),
     ]  # fmt: skip
     slopes = {}
     if len(campaign.usage) > 1:
@@ -694,7 +641,7 @@ def summarize(campaign):
             slopes[node] = {"memory_kib_per_hour": round(slope_per_hour([(at, memory) for at, (memory, _) in seen])),
                             "descriptors_per_hour": round(slope_per_hour([(at, descriptors) for at, (_, descriptors) in seen]), 1),
                             "memory_kib": seen[-1][1][0], "descriptors": seen[-1][1][1]}  # fmt: skip
-    return {"ok": all(c["ok"] for c in checks), "soak_slopes": slopes, "soak_ticks": campaign.soak_ticks, "checks": checks, "table": table, "recorded_s": round(time.monotonic() - campaign.begin, 1), "machine": describe_lateness(campaign.machine),
+    return {"ok": checks.all_ok(judged), "soak_slopes": slopes, "soak_ticks": campaign.soak_ticks, "checks": judged, "table": table, "recorded_s": round(time.monotonic() - campaign.begin, 1), "machine": describe_lateness(campaign.machine),
             "telecommands": {"sent": len(telecommands), "accepted": sum(t.accepted for t in telecommands.values()),
                              "executed": len(campaign.executions),
                              "not_accepted": unheard, "ends_lost_with_ttc": with_ttc}}  # fmt: skip
@@ -712,11 +659,7 @@ def show(summary):
               + ", ".join(f"{count} {name}" for name, count in row["found_as"].items()))  # fmt: skip
         for node, why in row["not_applicable"].items():
             print(f"  {'':18} not applicable to {node}: {why}")
-    for result in summary["checks"]:
-        count = f" ({result['of']})" if "of" in result else ""
-        print(f"  {'ok    ' if result['ok'] else 'NOT OK'}  {result['what']}{count}")
-        for line in result["shown"]:
-            print(f"            {line}")
+    checks.show(summary["checks"])
     for goal in summary.get("goals", ()):
         print(f"  {'met   ' if goal['met'] else 'MISSED'}  {goal['what']}")
     if summary["soak_slopes"]:
@@ -750,15 +693,10 @@ def report(summary):
 
 
 def write(folder, campaign):
-    with open(folder / "trials.csv", "w", newline="") as file:
-        rows = csv.writer(file)
-        rows.writerow(["class", "victims", "begin_ns", "detected_s", "restarted_s", "active_s", "false_restarts", "slots_lost", "telemetry_gap_s", "found_as", "note"])
-        for t in campaign.trials:
-            rows.writerow([t.kind, " ".join(t.victims), t.begin, *(t.seconds(what) for what in ("accused", "process", "active")),
-                           " ".join(t.false_restarts), t.slots_lost, t.telemetry_gap_s, t.found_as, t.note])  # fmt: skip
-    with open(folder / "record.jsonl", "w") as file:
-        for message in campaign.messages:
-            file.write(json.dumps({key: value for key, value in message.items() if key != "arrived"}) + "\n")
+    head = ["class", "victims", "begin_ns", "detected_s", "restarted_s", "active_s", "false_restarts", "slots_lost", "telemetry_gap_s", "found_as", "note"]
+    write_csv(folder / "trials.csv", head, ([t.kind, " ".join(t.victims), t.begin, *(t.seconds(what) for what in ("accused", "process", "active")),
+                                             " ".join(t.false_restarts), t.slots_lost, t.telemetry_gap_s, t.found_as, t.note] for t in campaign.trials))  # fmt: skip
+    campaign.write_record(folder)
     logs = folder / "log"
     shutil.rmtree(logs, ignore_errors=True)
     shutil.copytree(campaign.flight.var / "log", logs)
@@ -766,15 +704,10 @@ def write(folder, campaign):
 
 def draw(folder, campaign):
     """Plots the time from fault to Active again, one line per class."""
-    import matplotlib
-
-    matplotlib.use("Agg")
-    from matplotlib import pyplot
-
     names = [n for n in kinds_of(campaign) if any(t.active for t in campaign.trials if t.kind == n)]
     if not names:
         return
-    figure, axis = pyplot.subplots(figsize=(10, 1.2 + 0.38 * len(names)))
+    figure, axis = pyplot().subplots(figsize=(10, 1.2 + 0.38 * len(names)))
     colors = {node: f"C{number}" for number, node in enumerate(NODES)}
     for row, name in enumerate(names):
         for t in campaign.trials:
@@ -790,7 +723,4 @@ def draw(folder, campaign):
     axis.grid(alpha=0.3)
     axis.legend(fontsize=7, loc="center left", bbox_to_anchor=(1, 0.5))
     axis.set_title("Fault campaign: recovery of every class in every node")
-    figure.tight_layout()
-    for kind in ("svg", "png"):
-        figure.savefig(folder / f"recovery.{kind}", dpi=120)
-    pyplot.close(figure)
+    save(figure, folder, "recovery", 120)

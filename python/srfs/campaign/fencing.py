@@ -6,32 +6,25 @@ witness.py judges the recording afterwards.
 """
 
 import contextlib
-import csv
 import heapq
 import json
 import os
-import random
 import select
 import signal
 import threading
 import time
 
-from srfs.campaign import executions, witness
-from srfs.flight import mission
+from srfs.campaign import witness
+from srfs.campaign.campaign import Campaign
 from srfs.flight.deployments import PAYLOADS
 from srfs.flight.lateness import Lateness, describe_lateness
+from srfs.flight.processes import wait_until
+from srfs.program import MissionError
+from srfs.report.checks import check_none
+from srfs.report.files import pyplot, save, write_csv
 
 SWITCHER = "can_switcher"
-KEPT = {"flags", "bus", "telecommand", "report", "peripheral_reset"}  # message types of `srfs record` that are kept
-
-# Telecommands from the ground, by payload: all are by_id, except the last, which is at_most_once.
-TELECOMMANDS = {
-    "payload_adcs": ("adcs.set_target_quaternion x=0 y=0 z=0 w=1", "adcs.set_mode mode=point", "adcs.reset_peripheral"),
-    "payload_eps": ("eps.set_charge_limit limit=0.9", "eps.switch_load load=2 state=on", "eps.reset_peripheral"),
-    "payload_thermal": ("thermal.set_setpoint heater=0 setpoint_k=291", "thermal.set_setpoint heater=1 setpoint_k=289", "thermal.reset_peripheral"),
-}
-MOST_UNDER_WAY = 3  # telecommands per payload
-FORGET_S = 20  # after this time, a telecommand without a final stage no longer counts as under way
+RESETS = 1 / 21  # share of telecommands that reset the peripheral: at_most_once
 
 # (class, share). A stopped process continues after a random time, unless it was killed for being stopped.
 FAULTS = (
@@ -50,16 +43,11 @@ SETTLE_S = 90  # time for the telecommands under way to end after the last fault
 BOUND_S = 15  # limit of each recovery; the summary lists the measured times
 
 
-class Campaign:
+class Fencing(Campaign):
     def __init__(self, flight, signals, slots, seed, say):
-        self.flight = flight
-        self.signals = signals
+        super().__init__(flight, signals, seed, say)
         self.wanted = slots
-        self.random = random.Random(seed)
-        self.say = say
         self.faults = []
-        self.messages = []  # those of KEPT
-        self.executions = executions.Executions(flight.run_dir)
         self._grants = set()
         self._holder = None  # (payload, time of the flag)
         self._flag = threading.Condition()
@@ -67,28 +55,19 @@ class Campaign:
         self._n = 0
         self._quit = threading.Event()
         self._restarts = 0
-        self._ends = {}  # line of the ground's session -> whether its last stage was the final one
-        self._under_way = {payload: {} for payload in PAYLOADS}
-
-    # --- watching ---------------------------------------------------------------------------------------------------
 
     def on_record(self, message):
-        if message["type"] not in KEPT:
-            return
-        self.messages.append(message)
+        super().on_record(message)
         if message["type"] == "flags" and message["holder"]:
             with self._flag:
                 self._grants.add((message["switcher"], message["grant"]))
                 self._holder = message["holder"]
                 self._flag.notify_all()
 
-    def on_downlink(self, message):
-        if message["type"] == "tc_stage":
-            self.messages.append({"at_ns": time.monotonic_ns(), **message})
-            self._ends[message["line"]] = message["final"]
-        if message["type"] == "error" or (message["type"] == "tc_stage" and message["final"]):
-            for under_way in self._under_way.values():
-                under_way.pop(message.get("line"), None)
+    def telecommand(self, payload):
+        if self.random.random() < RESETS:
+            return f"{payload.removeprefix('payload_')}.reset_peripheral"
+        return super().telecommand(payload)
 
     # --- processes --------------------------------------------------------------------------------------------------
 
@@ -197,30 +176,16 @@ class Campaign:
             self._sleep(self.random.uniform(0, 0.03))
             self._kill(SWITCHER)
 
-    # --- the ground -------------------------------------------------------------------------------------------------
-
-    def _command(self, ground):
-        now = time.monotonic()
-        for payload, under_way in self._under_way.items():
-            for line in [line for line, sent in list(under_way.items()) if now - sent > FORGET_S]:
-                under_way.pop(line, None)
-            if len(under_way) < MOST_UNDER_WAY:
-                choice = self.random.choices(TELECOMMANDS[payload], (10, 10, 1))[0]
-                under_way[ground.send(f"tc {choice}")] = now
-
     # --- the run ----------------------------------------------------------------------------------------------------
 
     def run(self):
-        recorder = self.flight.recorder()
-        recorder.on_message(self.on_record)
-        ground = self.flight.ground()
-        ground.on_message(self.on_downlink)
+        self.listen()
         starter = threading.Thread(target=self._start_what_is_missing, daemon=True)
         starter.start()
         self.begin = time.monotonic_ns()
         try:
             with Lateness() as machine:
-                self._disturb(ground)
+                self._disturb()
                 self._go_on(everybody=True)
                 self._settle()
         finally:
@@ -231,14 +196,13 @@ class Campaign:
         self.executions.ask()
         self.lines = self.flight.can_log(until_ns=time.monotonic_ns(), deadline_s=5)
 
-    def _disturb(self, ground):
+    def _disturb(self):
         shown = asked = 0.0
         begin = time.monotonic()
         while len(self._grants) < self.wanted:
-            if self.signals.asked:
-                raise mission.MissionError("interrupted", code=130)
+            self.signals.check()
             if self.flight.hw_sim.poll() is not None:
-                raise mission.MissionError("the simulated spacecraft is gone")
+                raise MissionError("the simulated spacecraft is gone")
             now = time.monotonic()
             if now - asked > 1:
                 asked = now
@@ -247,7 +211,8 @@ class Campaign:
                 shown = now
                 self.say(f"{len(self._grants)} of {self.wanted} slots, {len(self.faults)} faults, {self._restarts} restarts, "
                          f"{len(self.executions)} telecommands executed, {now - begin:.0f} s")  # fmt: skip
-            self._command(ground)
+            for payload in PAYLOADS:
+                self.send_telecommand(payload)
             self._fault()
             self._sleep(self.random.uniform(*FAULT_PERIOD_S))
 
@@ -259,18 +224,18 @@ class Campaign:
             self._go_on()
             up = all(self.flight.node_pid(node) for node in (SWITCHER, *PAYLOADS))
             used = {slot[2] for slot in witness.used_slots(recent, witness.grants_of(recent))} if (recent := self.messages[settled:]) else set()
-            return self.signals.asked or (up and used == set(PAYLOADS) and all(self._ends.copy().values()))
+            return self.signals.asked or (up and used == set(PAYLOADS) and self.all_ended())
 
         settled = len(self.messages)
-        with contextlib.suppress(mission.MissionError):  # the verdict reports what is missing
-            mission.wait_until(done, SETTLE_S, "everything ended", period_s=0.5)
+        with contextlib.suppress(MissionError):  # the verdict reports what is missing
+            wait_until(done, SETTLE_S, "everything ended", period_s=0.5)
 
     # --- files ------------------------------------------------------------------------------------------------------
 
     def judge(self):
         verdict, found = witness.judge(self.lines, self.messages, self.executions.of, self.faults, int(BOUND_S * 1e9), self.machine["late_at"])
         if self.executions.unseen:
-            verdict["checks"].append(witness.check([f"{self.executions.unseen} executions"], "every execution was seen"))
+            verdict["checks"].append(check_none([f"{self.executions.unseen} executions"], "every execution was seen"))
             verdict["ok"] = False
         verdict["recorded_s"] = round((time.monotonic_ns() - self.begin) / 1e9, 1)
         verdict["restarts"] = self._restarts
@@ -282,25 +247,15 @@ class Campaign:
         (folder / "can.log").write_text("\n".join(self.lines) + "\n")
         (folder / "executed.json").write_text(json.dumps(self.executions.of) + "\n")
         (folder / "late.json").write_text(json.dumps(self.machine["late_at"]) + "\n")
-        with open(folder / "record.jsonl", "w") as file:
-            for message in self.messages:
-                file.write(json.dumps({key: value for key, value in message.items() if key != "arrived"}) + "\n")
-        with open(folder / "faults.csv", "w", newline="") as file:
-            rows = csv.writer(file)
-            rows.writerow(["kind", "victim", "begin_ns", "stopped_ms", "bus_gap_ms", "victim_gap_ms"])
-            ms = lambda ns: "" if ns is None else f"{ns / 1e6:.3f}"  # noqa: E731
-            for r in found:
-                rows.writerow([r.fault.kind, r.fault.victim, r.fault.begin, ms(r.fault.end - r.fault.begin), ms(r.bus_gap), ms(r.victim_gap)])
+        self.write_record(folder)
+        ms = lambda ns: "" if ns is None else f"{ns / 1e6:.3f}"  # noqa: E731
+        write_csv(folder / "faults.csv", ["kind", "victim", "begin_ns", "stopped_ms", "bus_gap_ms", "victim_gap_ms"],
+                  [[r.fault.kind, r.fault.victim, r.fault.begin, ms(r.fault.end - r.fault.begin), ms(r.bus_gap), ms(r.victim_gap)] for r in found])  # fmt: skip
 
 
 def draw(folder, found):
     """Plots the distribution of the recovery gaps, one line per class of fault."""
-    import matplotlib
-
-    matplotlib.use("Agg")
-    from matplotlib import pyplot
-
-    figure, axes = pyplot.subplots(1, 2, figsize=(12, 5), sharey=True)
+    figure, axes = pyplot().subplots(1, 2, figsize=(12, 5), sharey=True)
     parts = (("bus_gap", "fault to the end of the next used slot"), ("victim_gap", "victim runs again to its next used slot"))
     for axis, (part, title) in zip(axes, parts):
         for number, kind in enumerate(sorted({r.fault.kind for r in found})):
@@ -314,7 +269,4 @@ def draw(folder, found):
     axes[0].set_ylabel("share of the faults")
     axes[0].legend(fontsize=8, loc="upper left")
     figure.suptitle("Fencing campaign: recovery after processes were stopped and killed")
-    figure.tight_layout()
-    for kind in ("svg", "png"):
-        figure.savefig(folder / f"recovery.{kind}", dpi=120)
-    pyplot.close(figure)
+    save(figure, folder, "recovery", 120)

@@ -2,18 +2,18 @@
 # SPDX-License-Identifier: Apache-2.0
 """The overload campaign: the mission beside programs that take the CPUs. A node that waits for a CPU is not restarted; a dead one is still found."""
 
-import contextlib
 import dataclasses
 import json
-import os
 import shutil
-import signal
 import subprocess
 import sys
 import time
 
-from srfs.campaign import faults, witness
-from srfs.flight import mission
+from srfs.campaign import faults
+from srfs.campaign.campaign import TELECOMMANDS
+from srfs.flight.deployments import NODES, PAYLOADS
+from srfs.flight.load import stress_ng
+from srfs.report.checks import all_ok, check_none
 
 LOAD = "--cpu 16"  # options of stress-ng
 HEAVY_LOAD = "--cpu 48 --io 4 --vm 2"
@@ -27,24 +27,9 @@ CLASSES = (*(dataclasses.replace(fault, p50_s=FOUND_WITHIN_S, max_s=FOUND_WITHIN
 DEMO_DEADLINE_S = 900
 
 
-@contextlib.contextmanager
 def busy(load):
-    """Runs stress-ng beside the mission until the end of the block. Each worker has its own session: a kernel that shares CPU time among
-    sessions (autogroup, as in Debian) would treat all workers of one session as a single competitor, which is no load."""
-    words = load.split()
-    with contextlib.ExitStack() as stack:
-        for what, count in zip(words[::2], map(int, words[1::2])):
-            for _ in range(count):
-                one = subprocess.Popen(["stress-ng", what, "1", "--quiet"], stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, start_new_session=True,
-                                       cwd="/tmp")  # fmt: skip
-                stack.callback(_end_session, one)
-        yield
-
-
-def _end_session(process):
-    with contextlib.suppress(ProcessLookupError):
-        os.killpg(process.pid, signal.SIGKILL)
-    process.wait()
+    """stress-ng beside the mission until the end of the block, each worker a competitor of its own."""
+    return stress_ng(load, each_alone=True)
 
 
 class Overload(faults.FaultCampaign):
@@ -55,24 +40,24 @@ class Overload(faults.FaultCampaign):
         self.starved = []  # (node, detail reported by the ring)
         self.back_s = None
 
-    def _on_record(self, message):
+    def on_record(self, message):
         if message["type"] == "liveness" and message["verdict"] == "starved":
             self.starved.append((message["subject"], message["detail"]))
-        super()._on_record(message)
+        super().on_record(message)
 
     def flood(self, seconds):
         """Runs an overload for so many seconds. No node is restarted, and soon after its end all nodes work as before."""
         self.wait_until_steady()
-        trial = faults.Trial("overload", faults.NODES, "none")
+        trial = faults.Trial("overload", NODES, "none")
         before = self._pids()
         begin = time.monotonic_ns()
         with busy(FLOOD):
-            self._pause(seconds)
+            self.signals.pause(seconds)
         trial.begin = time.monotonic_ns()
         self.overloads.append((begin, trial.begin))
         self.fresh_ns = 400_000_000
-        mission.wait_until(lambda: self.signals.asked or (self._is_steady() and self._answers_since(trial.begin)), faults.STEADY_DEADLINE_S,
-                           "all nodes Active and answering after the overload", period_s=0.02)  # fmt: skip
+        self.signals.wait_until(lambda: self._is_steady() and self._answers_since(trial.begin), faults.STEADY_DEADLINE_S,
+                                "all nodes Active and answering after the overload")  # fmt: skip
         self.back_s = (time.monotonic_ns() - trial.begin) / 1e9
         self.fresh_ns = int(FRESH_S * 1e9)
         trial.false_restarts = self._changed(before)
@@ -84,26 +69,22 @@ class Overload(faults.FaultCampaign):
         with self._lock:
             checked = all(alive[2] > begin for alive in self._alive.values())
         used = {m["payload"] for m in self.messages[-200:] if m["type"] == "bus" and m["status"] == "released" and m["said_ns"] > begin}
-        return checked and used >= set(faults.PAYLOADS) and self._commanded_since(begin) >= set(faults.PAYLOADS)
+        return checked and used >= set(PAYLOADS) and self._commanded_since(begin) >= set(PAYLOADS)
 
     def _commanded_since(self, begin):
         """Payloads that have completed a telecommand since `begin`."""
-        payload_of = {line.split()[0]: payload for payload, lines in faults.TELECOMMANDS.items() for line in lines}
+        payload_of = {line.split()[0]: payload for payload, lines in TELECOMMANDS.items() for line in lines}
         return {payload_of.get(m["command"]) for m in self.messages[-400:] if m["type"] == "tc_stage" and m["stage"] == "completed" and m["at_ns"] > begin}
 
     def calm(self, seconds):
         """Runs for so many seconds with LOAD only, which the caller has started. Any restart in this time is false."""
         self.wait_until_steady()
-        trial = faults.Trial("soak", faults.NODES, "none", begin=time.monotonic_ns())
+        trial = faults.Trial("soak", NODES, "none", begin=time.monotonic_ns())
         before = self._pids()
-        self._pause(seconds)
+        self.signals.pause(seconds)
         trial.false_restarts = self._changed(before)
         self.trials.append(trial)
         return trial
-
-    def _pause(self, seconds):
-        if self.signals.wait(seconds):
-            raise mission.MissionError("interrupted", code=130)
 
 
 def fly_sim(options, out, seconds, say):
@@ -155,15 +136,15 @@ def summarize(campaign, demos, sim=None):
     if campaign.back_s is not None:
         summary["goals"].append({"what": f"as before within {BACK_WITHIN_S:.0f} s of the end of an overload: {campaign.back_s:.1f} s",
                                  "met": campaign.back_s <= BACK_WITHIN_S})  # fmt: skip
-    checks = []
+    more = []
     if demos:
         bad = [f"beside {run['load']}: {'; '.join(run['failures'])[:300]}" for run in demos if not run["ok"]]
-        checks.append(witness.check(bad, "the demo is as expected beside the load", len(demos)))
+        more.append(check_none(bad, "the demo is as expected beside the load", len(demos)))
     if sim:
-        checks.append(witness.check([*sim["restarts"], *(sim["end"] if sim["code"] else [])], "nobody is restarted in ./run sim, which ends in order", 1))
+        more.append(check_none([*sim["restarts"], *(sim["end"] if sim["code"] else [])], "nobody is restarted in ./run sim, which ends in order", 1))
         summary["sim"] = sim
-    summary["checks"] += checks
-    summary["ok"] = all(c["ok"] for c in summary["checks"])
+    summary["checks"] += more
+    summary["ok"] = all_ok(summary["checks"])
     summary["starved"] = [f"{node} {detail}" for node, detail in campaign.starved]
     summary["back_s"] = campaign.back_s
     summary["demos"] = demos

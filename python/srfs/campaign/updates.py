@@ -11,7 +11,6 @@ Invariants after each update:
 
 import collections
 import contextlib
-import json
 import os
 import pathlib
 import random
@@ -20,7 +19,11 @@ import threading
 import time
 
 from srfs import ROOT
-from srfs.flight import mission
+from srfs.flight.processes import command_line, pids, send_signal
+from srfs.program import Interrupted, MissionError
+from srfs.report import checks
+from srfs.report.checks import all_ok, check
+from srfs.report.figures import quantiles
 
 NODE = "payload_thermal"
 SOURCE = ROOT / "examples" / "payload_idle" / "main.cpp"
@@ -120,18 +123,15 @@ class Updates:
     # --- state ------------------------------------------------------------------------------------------------------
 
     def table(self):
-        return json.loads(self.flight.srfs("versions", "--node", NODE).stdout)[0]
-
-    def node(self):
-        return next(n for n in self.flight.status() if n["name"] == NODE)
+        return self.flight.versions(NODE)
 
     def processes(self):
         """The pids of the node's processes."""
         found = []
-        for entry in pathlib.Path("/proc").iterdir():
-            words = mission.command_line(entry.name) if entry.name.isdigit() else []
+        for pid in pids():
+            words = command_line(pid)
             if "--name" in words and "--self-test" not in words and words[words.index("--name") + 1] == NODE and str(self.flight.var) in words:
-                found.append(int(entry.name))
+                found.append(pid)
         return found
 
     def is_steady(self):
@@ -144,7 +144,7 @@ class Updates:
         """Counts what an update may leave behind. None of these numbers may grow."""
         with contextlib.suppress(OSError, TypeError):
             descriptors = len(os.listdir(f"/proc/{self.flight.node_pid('maintenance')}/fd"))
-        lanes = [p for p in pathlib.Path("/proc").iterdir() if p.name.isdigit() and mission.command_line(p.name)[:1] == [self.flight.program("srfs-lane")]]
+        lanes = [pid for pid in pids() if command_line(pid)[:1] == [self.flight.program("srfs-lane")]]
         return {
             "lanes": len(lanes),
             "mounts": len(pathlib.Path("/proc/self/mounts").read_text().splitlines()),
@@ -162,22 +162,9 @@ class Updates:
         victim = self.random.choice(KILLED)
         wait = self.random.uniform(0, LATEST_KILL_S)
 
-        def kill():
-            pid = self.flight.node_pid(victim)
-            with contextlib.suppress(ProcessLookupError, TypeError):
-                os.kill(pid, signal.SIGKILL)
-
-        timer = threading.Timer(wait, kill)
+        timer = threading.Timer(wait, lambda: send_signal(self.flight.node_pid(victim), signal.SIGKILL))
         timer.start()
         return f"{victim} killed after {wait:.1f} s", timer
-
-    def wait_until(self, condition, deadline_s, what):
-        def looked():
-            if self.signals.asked:
-                raise mission.MissionError("interrupted", code=130)
-            return condition()
-
-        return mission.wait_until(looked, deadline_s, what, 0.1)
 
     def status(self, ground):
         since = ground.position()
@@ -194,7 +181,7 @@ class Updates:
         while outcome is None or outcome.get("stage") not in ("completed", "failed"):  # a telecommand may time out while ttc is down
             outcome = ground.command(f"tc package.install file={package.name}", 60)
             if time.monotonic() - begun > UPDATE_DEADLINE_S:
-                raise mission.MissionError(f"package.install: {outcome}")
+                raise MissionError(f"package.install: {outcome}")
         refused = outcome["stage"] == "failed"
         status = {}
         if not refused:
@@ -203,14 +190,14 @@ class Updates:
                 status.update(self.status(ground) or {})
                 return status.get("file") == package.name and status.get("step") in ("installed", "candidate", "failed", "cancelled")
 
-            self.wait_until(over, UPDATE_DEADLINE_S, f"update {self.counter} is over")
+            self.signals.wait_until(over, UPDATE_DEADLINE_S, f"update {self.counter} is over", 0.1)
         if timer:
             timer.join()
         took = time.monotonic() - begun
         end = WAYS[way][1] if way else None
         if end == "probation" and status.get("step") == "installed":
-            self.wait_until(lambda: self.table()["active"] != status["version"], STEADY_DEADLINE_S, "the bad version is rolled back")
-        self.wait_until(self.is_steady, STEADY_DEADLINE_S, f"after update {self.counter} everybody works")
+            self.signals.wait_until(lambda: self.table()["active"] != status["version"], STEADY_DEADLINE_S, "the bad version is rolled back", 0.1)
+        self.signals.wait_until(self.is_steady, STEADY_DEADLINE_S, f"after update {self.counter} everybody works", 0.1)
         after = self.table()
         problems = []
         rolled_back = after["active"] == before["last_good"] and status.get("step") != "candidate"
@@ -245,8 +232,8 @@ class Updates:
             way = ways[(number // 3 - 1) % len(ways)] if number % 3 == 0 else None
             try:
                 trial = self.trial(ground, way)
-            except mission.MissionError as error:
-                if error.code == 130:
+            except MissionError as error:
+                if isinstance(error, Interrupted):
                     raise
                 trial = {"way": way or "good", "problems": [str(error)], "took_s": 0, "kill": None}
                 self.trials.append(trial)
@@ -260,28 +247,27 @@ class Updates:
         trials = self.trials
         lefts = [t["left"] for t in trials if "left" in t]
         grown = {what: lefts[-1][what] - lefts[len(lefts) // 4][what] for what in ("mounts", "descriptors of maintenance")} if lefts else {}
-        outages = sorted(t["outage_ms"] for t in trials if t.get("outage_ms") is not None)
-        builds = sorted(t["build_ms"] for t in trials if t.get("build_ms") and t.get("step") == "installed")
-        checks = [
-            {"ok": not any(t["problems"] for t in trials), "what": f"after each update exactly one working version, the right one ({sum(not t['problems'] for t in trials)} of {len(trials)})"},
-            {"ok": all(growth <= 2 for growth in grown.values()), "what": f"nothing leaks: {grown}"},
+        outages = [t["outage_ms"] for t in trials if t.get("outage_ms") is not None]
+        builds = [t["build_ms"] for t in trials if t.get("build_ms") and t.get("step") == "installed"]
+        judged = [
+            check(not any(t["problems"] for t in trials), f"after each update exactly one working version, the right one ({sum(not t['problems'] for t in trials)} of {len(trials)})"),
+            check(all(growth <= 2 for growth in grown.values()), f"nothing leaks: {grown}"),
         ]  # fmt: skip
         return {
             "updates": len(trials),
             "ways": dict(collections.Counter(t["way"] for t in trials)),
             "killed": sum(bool(t["kill"]) for t in trials),
             "begun_again": sum((t.get("starts") or 1) > 1 for t in trials),
-            "outage_ms": {"p50": outages[len(outages) // 2], "max": outages[-1]} if outages else None,
-            "build_ms": {"p50": builds[len(builds) // 2], "max": builds[-1]} if builds else None,
+            "outage_ms": quantiles(outages, "p50 max") if outages else None,
+            "build_ms": quantiles(builds, "p50 max") if builds else None,
             "trials": trials,
-            "checks": checks,
-            "ok": all(c["ok"] for c in checks),
+            "checks": judged,
+            "ok": all_ok(judged),
         }
 
 
 def show(summary):
-    for result in summary["checks"]:
-        print(f"  {'ok    ' if result['ok'] else 'NOT OK'}  {result['what']}")
+    checks.show(summary["checks"])
     print(f"  {summary['updates']} updates, {summary['updates'] - summary['ways'].get('good', 0)} of them bad, {summary['killed']} with a process killed, "
           f"{summary['begun_again']} begun again; build {summary['build_ms']}, outage {summary['outage_ms']}")  # fmt: skip
     for t in summary["trials"]:

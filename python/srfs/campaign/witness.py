@@ -9,16 +9,13 @@ All times are CLOCK_MONOTONIC in ns.
 import bisect
 import collections
 import dataclasses
-import re
 
-from srfs.record.rotation import percentile
+from srfs.flight.deployments import PAYLOADS
+from srfs.record.can_frames import computer_frames
+from srfs.report.checks import all_ok, check_none
+from srfs.report.figures import quantiles
 
 MS = 1_000_000
-PAYLOADS = {"11": "payload_adcs", "12": "payload_eps", "13": "payload_thermal"}
-ADDRESS = {name: address for address, name in PAYLOADS.items()}
-FRAME = re.compile(r"^\((\d+)\.(\d{6})\) \S+ 18DA([0-9A-F]{2})([0-9A-F]{2})#([0-9A-F]*)$")
-COMPUTER = "01"
-
 ACCEPTED, STARTED, COMPLETED = 1, 3, 7  # stages of srfs_msgs/TelecommandReport
 INTERRUPTED, EXPIRED = 36, 20  # failure codes: outcome unknown; never begun
 UNANSWERED = {30, 31, 35}  # silence, garbage, slot over, three times in a row (a reset: once): also of unknown outcome
@@ -26,19 +23,6 @@ ANSWERED_OF = 1000  # in a soak, one of so many telecommands may go unanswered
 NOT_TAKEN = 21  # its node did not accept it before it expired
 REFUSALS = {10, 11, 22}  # by the node, before acceptance: no room, no storage, not active
 FIRST_PERIPHERAL_ACTION = 16  # functions from here on reset or power-cycle the peripheral: at most once
-
-MOST_SHOWN = 5  # per check
-
-
-@dataclasses.dataclass(frozen=True)
-class Frame:
-    at: int  # end of the frame on the bus
-    payload: str  # payload addressed by the computer; its process sent the frame
-    data: str
-
-    @property
-    def is_reset(self):
-        return len(self.data) >= 4 and self.data[0] == "0" and self.data[2:4] == "03"
 
 
 @dataclasses.dataclass(frozen=True, order=True)
@@ -54,16 +38,6 @@ class Grant:
         return (self.switcher, self.number)
 
 
-def computer_frames(lines):
-    """The frames sent by the computer's processes, in their order on the bus."""
-    frames = []
-    for line in lines:
-        match = FRAME.match(line.rstrip())
-        if match and match[4] == COMPUTER and match[3] in PAYLOADS:
-            frames.append(Frame(int(match[1]) * 1_000_000_000 + int(match[2]) * 1000, PAYLOADS[match[3]], match[5]))
-    return frames
-
-
 def grants_of(messages):
     """The grants in order of publication. The observer may miss a flag whose sender was killed while it sent to one receiver after the
     other; such a grant is taken from its holder's TAKEN message, which precedes the first frame."""
@@ -76,12 +50,6 @@ def grants_of(messages):
         elif m["type"] == "bus" and m["status"] == "taken":
             taken.setdefault(key, Grant(m["said_ns"], *key, m["payload"], 0))
     return sorted({**taken, **grants}.values())
-
-
-def check(violations, what, count=None):
-    """One line of the verdict. violations: texts."""
-    return {"what": what, "ok": not violations, "violations": len(violations), "shown": violations[:MOST_SHOWN],
-            **({} if count is None else {"of": count})}  # fmt: skip
 
 
 def at(ns):
@@ -100,7 +68,7 @@ def frames_in_their_slots(frames, grants):
         if running < 0 or grants[running].holder != frame.payload:
             holder = f"{grants[running].holder} (grant {grants[running].id})" if running >= 0 else "nobody"
             wrong.append(f"{at(frame.at)} a frame of {frame.payload} while {holder} had the bus")
-    return check(wrong, "every frame of the computer is in a slot of its payload, none after a newer grant", len(frames))
+    return check_none(wrong, "every frame of the computer is in a slot of its payload, none after a newer grant", len(frames))
 
 
 def no_interleaving(frames, grants):
@@ -120,17 +88,17 @@ def no_interleaving(frames, grants):
                 wrong.append(f"{at(frame.at)} a frame of {frame.payload} after one of {before.payload} at {at(before.at)}, both in one grant")
         last_of[frame.payload] = frame.at
         before = frame
-    return check(wrong, "frames of two payloads never interleave within one grant")
+    return check_none(wrong, "frames of two payloads never interleave within one grant")
 
 
 def one_flag(messages):
     wrong = [f"{at(m['at_ns'])} flags {m['flags']}" for m in messages if m["type"] == "flags" and sum(map(bool, m["flags"])) > 1]
-    return check(wrong, "at most one flag is true")
+    return check_none(wrong, "at most one flag is true")
 
 
 def grants_rise(grants):
     wrong = [f"{b.id} published after {a.id}" for a, b in zip(grants, grants[1:]) if b.id <= a.id]
-    return check(wrong, "grants rise, across restarts of the switcher too", len(grants))
+    return check_none(wrong, "grants rise, across restarts of the switcher too", len(grants))
 
 
 def one_holder(messages, grants):
@@ -145,7 +113,7 @@ def one_holder(messages, grants):
         until = min(a.lease_end, ended.get(a.id, 0))
         if b.published < until:
             wrong.append(f"{b.id} for {b.holder} at {at(b.published)}, {a.holder} had the bus until {at(until)}")
-    return check(wrong, "nobody is granted before the holder gave the bus back or its lease was over")
+    return check_none(wrong, "nobody is granted before the holder gave the bus back or its lease was over")
 
 
 # --- telecommands -------------------------------------------------------------------------------------------------------
@@ -170,7 +138,7 @@ def telecommands_of(messages):
     """{id: Telecommand} of everything published to payloads, with the reports on it."""
     found = {}
     for m in messages:
-        if m["type"] == "telecommand" and m["target"] in ADDRESS:
+        if m["type"] == "telecommand" and m["target"] in PAYLOADS:
             found.setdefault(m["id"], Telecommand(m["target"], m["function"], heard=m["at_ns"]))
     for m in messages:
         t = found.get(m.get("id")) if m["type"] == "report" else None
@@ -218,10 +186,10 @@ def executed_once(telecommands, executed, soak=False, late=()):
             else:
                 unanswered.append(f"{name}: failure code {t.failure}, executed {times} times")
     return [
-        check(repeated, "no telecommand is executed twice at a peripheral"),
-        check(false_reports, "what is reported is what the peripheral did"),
-        check(missing, "every accepted telecommand is executed once, or reported as expired or of unknown outcome", accepted),
-        check(unanswered if len(unanswered) > (accepted // ANSWERED_OF if soak else 0) else [],
+        check_none(repeated, "no telecommand is executed twice at a peripheral"),
+        check_none(false_reports, "what is reported is what the peripheral did"),
+        check_none(missing, "every accepted telecommand is executed once, or reported as expired or of unknown outcome", accepted),
+        check_none(unanswered if len(unanswered) > (accepted // ANSWERED_OF if soak else 0) else [],
               "peripherals answer every telecommand" + (f" but {len(unanswered)}, at most one in {ANSWERED_OF}" if soak else "")
               + (f" and {excused} while this machine was late" if excused else "")),  # fmt: skip
     ]
@@ -244,7 +212,7 @@ def told_to_the_ground(stages, soak=False, late=(), overloads=()):
             REFUSALS | {INTERRUPTED, EXPIRED} | (UNANSWERED if unanswered_is_said else set()) | ({NOT_TAKEN} if was_late(overloads, begin, end) else set())
         ):
             wrong.append(f"{m['command']} (line {m['line']}): {m['stage']}, code {m['code']}")
-    return check(wrong, "the ground is told the end of every telecommand", len(last))
+    return check_none(wrong, "the ground is told the end of every telecommand", len(last))
 
 
 def at_most_once(telecommands, frames, orders):
@@ -257,7 +225,7 @@ def at_most_once(telecommands, frames, orders):
         ordered = sum(1 for m in orders if m["payload"] == payload)
         if seen > commanded + ordered:
             wrong.append(f"{seen} resets of {payload}, ordered by {commanded} telecommands and {ordered} times by the switcher")
-    return check(wrong, "at-most-once telecommands are never repeated", sum(by_payload.values()))
+    return check_none(wrong, "at-most-once telecommands are never repeated", sum(by_payload.values()))
 
 
 # --- recovery -----------------------------------------------------------------------------------------------------------
@@ -294,7 +262,7 @@ def recoveries(faults, slots):
     for fault in faults:
         first = next((slot for slot in slots[bisect.bisect_left(slots, (fault.begin,)):]), None)
         own = next((slot for slot in slots[bisect.bisect_left(slots, (fault.end,)):] if slot[2] == fault.victim), None)
-        is_payload = fault.victim in ADDRESS
+        is_payload = fault.victim in PAYLOADS
         found.append(Recovery(fault, first and first[1] - fault.begin, own and is_payload and own[1] - fault.end or None))
     return found
 
@@ -306,17 +274,14 @@ def bounded_gaps(found, bound_ns):
         stopped = r.fault.end - r.fault.begin
         if r.bus_gap is None or r.bus_gap > stopped + bound_ns:
             wrong.append(f"{at(r.fault.begin)} {r.fault.kind}: the bus was not used again for {'ever' if r.bus_gap is None else f'{r.bus_gap / MS:.0f} ms'}")
-        if r.fault.victim in ADDRESS and (r.victim_gap is None or r.victim_gap > bound_ns):
+        if r.fault.victim in PAYLOADS and (r.victim_gap is None or r.victim_gap > bound_ns):
             wrong.append(f"{at(r.fault.begin)} {r.fault.kind}: {r.fault.victim} had no slot "
                          f"{'any more' if r.victim_gap is None else f'for {r.victim_gap / MS:.0f} ms'}")  # fmt: skip
-    return check(wrong, f"after every fault the rotation goes on and the victim comes back, each within {bound_ns / 1e9:g} s", len(found))
+    return check_none(wrong, f"after every fault the rotation goes on and the victim comes back, each within {bound_ns / 1e9:g} s", len(found))
 
 
 def distribution(values):
-    if not values:
-        return {"count": 0}
-    return {"count": len(values), "p50_ms": round(percentile(values, 0.5) / MS, 1), "p90_ms": round(percentile(values, 0.9) / MS, 1),
-            "p99_ms": round(percentile(values, 0.99) / MS, 1), "max_ms": round(max(values) / MS, 1)}  # fmt: skip
+    return {"count": len(values), **(quantiles(values, "p50 p90 p99 max", MS, 1, "_ms") if values else {})}
 
 
 # --- all of it ----------------------------------------------------------------------------------------------------------
@@ -330,7 +295,7 @@ def judge(lines, messages, executed, faults, bound_ns, late=()):
     found = recoveries(faults, used_slots(messages, grants))
     orders = [m for m in messages if m["type"] == "peripheral_reset"]
     checks = [
-        check([] if frames and grants else ["nothing was recorded"], "the bus was recorded"),
+        check_none([] if frames and grants else ["nothing was recorded"], "the bus was recorded"),
         one_flag(messages),
         grants_rise(grants),
         one_holder(messages, grants),
@@ -343,7 +308,7 @@ def judge(lines, messages, executed, faults, bound_ns, late=()):
     ]
     kinds = sorted({r.fault.kind for r in found})
     return {
-        "ok": all(c["ok"] for c in checks),
+        "ok": all_ok(checks),
         "checks": checks,
         "slots": len(grants),
         "slots_used": len(used_slots(messages, grants)),

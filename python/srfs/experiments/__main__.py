@@ -4,29 +4,28 @@
 
 import argparse
 import contextlib
-import json
-import pathlib
 import shutil
-import sys
 
-from srfs import ROOT
-from srfs.experiments import fig12, fig13, fig14, fig15, fig16
-from srfs.flight import mission
+from srfs import program
+from srfs.experiments.fig12 import Fig12
+from srfs.experiments.fig13 import Fig13
+from srfs.experiments.fig14 import Fig14
+from srfs.experiments.fig15 import Fig15
+from srfs.experiments.fig16 import Fig16
+from srfs.flight import deployments, mission
+from srfs.flight.processes import StopSignals
+from srfs.report import checks
 
-FIGURES = {name: module for module in (fig12, fig13, fig14, fig15, fig16) for name in module.TITLES}
+FIGURES = {name: figure for figure in (Fig12, Fig13, Fig14, Fig15, Fig16) for name in figure.TITLES}
 
 
 def parse():
     parser = argparse.ArgumentParser(prog="./run experiment", description="Run one of the paper's experiments with the real processes. "
                                      "Exit code 0 only if the recorded shape is the one the paper describes.")  # fmt: skip
-    parser.add_argument("name", choices=FIGURES, help="; ".join(f"{name}: {module.TITLES[name]}" for name, module in FIGURES.items()))
-    parser.add_argument("--out", type=pathlib.Path, metavar="DIR", help="folder of the files (default: var/experiments/NAME)")
-    parser.add_argument("--var", type=pathlib.Path, metavar="DIR", help="folder of the running deployment (default: DIR of --out + /var)")
-    parser.add_argument("--deployment", metavar="NAME", help="launch_config/NAME.yaml, or a file (default: that of the figure)")
+    parser.add_argument("name", choices=FIGURES, help="; ".join(f"{name}: {figure.TITLES[name]}" for name, figure in FIGURES.items()))
     parser.add_argument("--phase", type=float, metavar="S", help="fig12, fig13: length of each phase (default: 60)")
     parser.add_argument("--step-deadline", type=float, default=60, metavar="S", help="fig15: longest wait for each step (default: %(default)s)")
-    parser.add_argument("--json", action="store_true", help="print summary.json instead of lines")
-    parser.add_argument("--bin", type=pathlib.Path, default=ROOT / "build-release" / "bin", help=argparse.SUPPRESS)
+    program.add_run_options(parser, "experiments", "that of the figure")
     return parser.parse_args()
 
 
@@ -36,48 +35,35 @@ def flight_of(figure, options, out, say):
     if figure.DEPLOYMENT is None:
         yield None
         return
-    deployment = options.deployment or figure.DEPLOYMENT
-    if hasattr(figure, "varied"):
-        deployment = figure.varied(deployment, out)
+    deployment = figure.varied(deployments.find(options.deployment or figure.DEPLOYMENT), out)
     if options.var is None:
         shutil.rmtree(out / "var", ignore_errors=True)  # what an earlier run left: versions, stores
-    programs = mission.installed(options.bin) if getattr(figure, "INSTALLED", False) else options.bin
+    programs = mission.installed(options.bin) if figure.INSTALLED else options.bin
     with mission.Mission(options.var or out / "var", deployment, programs, say, figure.ONLY) as flight:
         yield flight
 
 
 def main():
     options = parse()
-    signals = mission.StopSignals()  # a Ctrl-C ends it in order
-    out = (options.out or ROOT / "var" / "experiments" / options.name).absolute()
-    out.mkdir(parents=True, exist_ok=True)
-
-    def say(text):
-        print(f"[{options.name}] {text}", file=sys.stderr, flush=True)
-
+    signals = StopSignals()  # a Ctrl-C ends it in order
+    out, say = program.made_folder(options, "experiments"), program.teller(options.name)
     figure = FIGURES[options.name]
     with flight_of(figure, options, out, say) as flight:
-        experiment = figure.Experiment(options.name, flight, signals, say)
+        experiment = figure(options.name, flight, signals, say)
         experiment.step_deadline_s = options.step_deadline
         if options.phase:
             experiment.phase_s = options.phase
         experiment.run()
     summary = experiment.judge()
     experiment.write_csv(out / f"{options.name}.csv")
-    (out / "summary.json").write_text(json.dumps(summary, indent=2) + "\n")
-    try:
-        experiment.draw(out)
-    except ImportError:
-        say("python3-matplotlib is missing: no drawing")
-    if options.json:
-        print(json.dumps(summary))
-    else:
-        for result in summary["checks"]:
-            print(f"  {'ok    ' if result['ok'] else 'NOT OK'}  {result['what']}")
+
+    def show():
+        checks.show(summary["checks"])
         print(experiment.text(summary))
         print(f"  files in {out}")
-    return 0 if summary["ok"] else 1
+
+    return program.finish(options, out, summary, lambda: experiment.draw(out), show, say)
 
 
 if __name__ == "__main__":
-    mission.run_program("experiment", main)
+    program.run_program("experiment", main)

@@ -11,22 +11,21 @@ PREEMPT_RT, which alone promises it, every one. A phase that this machine does n
 """
 
 import contextlib
-import csv
 import os
 import pathlib
-import platform
-import re
 import shutil
 import subprocess
 import tempfile
 import textwrap
 
-from srfs.flight import mission
-from srfs.measures import ros
-from srfs.record.timeline import check
+from srfs.experiments.experiment import Experiment
+from srfs.flight.load import stress_ng
+from srfs.flight.machine import described, machine, may_be_real_time, read, stolen_s
+from srfs.program import MissingProgram, MissionError
+from srfs.report.checks import check
+from srfs.report.files import pyplot
 
 TITLES = {"fig12": "scheduling latency (cyclictest, 1 ms, priority 99): idle, under load, idle without power management"}
-DEPLOYMENT = None
 PHASE_S = 60
 PRIORITY = 99
 INTERVAL_US = 1000
@@ -40,67 +39,14 @@ CPUS = pathlib.Path("/sys/devices/system/cpu")
 PUT_BACK = 'read -r _; while [ $# -gt 1 ]; do printf %s "$2" > "$1"; shift 2; done'
 
 
-class NotPossible(Exception):
+class NotPossible(MissionError):
     """Why this machine does not allow a phase."""
-
-
-# --- the machine ------------------------------------------------------------------------------------------------------
-
-def preemption(version, realtime, mode, configuration, command_line):
-    """The kernel's preemption model. Pure.
-
-    version        uname -v, with the word PREEMPT_RT, PREEMPT_DYNAMIC, PREEMPT or none of them
-    realtime       /sys/kernel/realtime
-    mode           of PREEMPT_DYNAMIC now: /sys/kernel/debug/sched/preempt, "none (voluntary) full"
-    configuration  the kernel's, with the mode it starts in; command_line may change that
-    All but the first may be None.
-    """
-    if realtime == "1" or "PREEMPT_RT" in version:
-        return "PREEMPT_RT"
-    if "PREEMPT_DYNAMIC" not in version:
-        return "PREEMPT" if "PREEMPT" in version else "PREEMPT_NONE or PREEMPT_VOLUNTARY"
-    now = re.search(r"\((\w+)\)", mode or "") or re.search(r"\bpreempt=(\w+)", command_line or "")
-    configured = re.search(r"^CONFIG_PREEMPT_(NONE|VOLUNTARY|LAZY)=y$", configuration or "", re.M)
-    known = now or configured
-    return f"PREEMPT_DYNAMIC ({known[1].lower() if known else 'mode unknown'})"
-
-
-def kernel_configuration():
-    import gzip
-
-    with contextlib.suppress(OSError):
-        return gzip.decompress(pathlib.Path("/proc/config.gz").read_bytes()).decode()
-    return ros.read(f"/boot/config-{platform.release()}")
-
-
-def virtualisation():
-    if not ros.machine()["virtual"]:
-        return None
-    with contextlib.suppress(OSError):
-        run = subprocess.run(["systemd-detect-virt", "--vm"], stdin=subprocess.DEVNULL, capture_output=True, text=True)
-        if run.returncode == 0:
-            return run.stdout.strip()
-    return "virtual machine"
-
-
-def machine():
-    """What the figures depend on."""
-    read = ros.read
-    model = preemption(platform.version(), read("/sys/kernel/realtime"), read("/sys/kernel/debug/sched/preempt"), kernel_configuration(),
-                       read("/proc/cmdline"))  # fmt: skip
-    return {**ros.machine(), "kernel_version": platform.version(), "preemption": model, "virtual": virtualisation(),
-            "clocksource": read("/sys/devices/system/clocksource/clocksource0/current_clocksource")}  # fmt: skip
-
-
-def stolen_s():
-    """CPU time that the host gave to others since the boot, of all CPUs."""
-    return int(ros.read("/proc/stat").split()[8]) / os.sysconf("SC_CLK_TCK")
 
 
 def require_cyclictest():
     if shutil.which("cyclictest") is None:
-        raise NotPossible("cyclictest is missing (packages.txt: rt-tests)")
-    if not ros.may_be_real_time():
+        raise MissingProgram("cyclictest", "rt-tests")
+    if not may_be_real_time():
         raise NotPossible("this process may not use SCHED_FIFO (root or CAP_SYS_NICE)")
 
 
@@ -180,15 +126,15 @@ class LockedFrequency:
             raise NotPossible("the kernel offers no frequency scaling (no cpufreq), as in most virtual machines")
         before = []
         for folder in self._folders:
-            if "performance" not in (ros.read(folder / "scaling_available_governors") or "").split():
+            if "performance" not in (read(folder / "scaling_available_governors") or "").split():
                 raise NotPossible(f"{folder} has no governor performance")
             for name in ("scaling_min_freq", "scaling_max_freq", "scaling_governor"):  # the lowest first: it never lies above the highest
-                before += [str(folder / name), ros.read(folder / name)]
+                before += [str(folder / name), read(folder / name)]
         self._keeper = subprocess.Popen(["/bin/sh", "-c", PUT_BACK, "sh", *before], stdin=subprocess.PIPE, stdout=subprocess.DEVNULL,
                                         stderr=subprocess.DEVNULL, start_new_session=True)  # fmt: skip
         try:
             for folder in self._folders:
-                highest = ros.read(folder / "cpuinfo_max_freq")
+                highest = read(folder / "cpuinfo_max_freq")
                 for name, value in (("scaling_governor", "performance"), ("scaling_max_freq", highest), ("scaling_min_freq", highest)):
                     (folder / name).write_text(value)
         except OSError as error:
@@ -201,26 +147,12 @@ class LockedFrequency:
         self._keeper.wait()
 
 
-@contextlib.contextmanager
-def load(duration_s):
-    """Every CPU computes. Ends by itself should this process be killed."""
-    if shutil.which("stress-ng") is None:
-        raise NotPossible("stress-ng is missing (packages.txt)")
-    command = ["stress-ng", "--cpu", str(os.cpu_count()), "--timeout", f"{duration_s + 30:.0f}s", "--quiet"]
-    with subprocess.Popen(command, stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL) as stress:
-        try:
-            yield
-        finally:
-            stress.terminate()
+class Fig12(Experiment):
+    TITLES = TITLES
+    COLUMNS = ("phase", "cpu", "latency_us", "wakeups")
 
-
-class Experiment:
-    """One run."""
-
-    def __init__(self, name, flight, signals, say):
-        self.name = name
-        self.signals = signals
-        self.say = say
+    def __init__(self, *flight):
+        super().__init__(*flight)
         self.phase_s = PHASE_S
         self.found = {}  # phase -> what parse_histogram returns
         self.not_possible = {}  # phase -> why
@@ -228,7 +160,9 @@ class Experiment:
 
     def run(self):
         self.machine = machine()
-        surroundings = {IDLE: contextlib.nullcontext, LOAD: lambda: load(self.phase_s), LOCKED: LockedFrequency}
+        # Every CPU computes; it ends by itself should this process be killed.
+        load = f"--cpu {os.cpu_count()} --timeout {self.phase_s + 30:.0f}s"
+        surroundings = {IDLE: contextlib.nullcontext, LOAD: lambda: stress_ng(load), LOCKED: LockedFrequency}
         for phase in PHASES:
             try:
                 require_cyclictest()
@@ -237,25 +171,23 @@ class Experiment:
                     stolen = stolen_s()
                     self.found[phase] = self.cyclictest(power_management=phase != LOCKED)
                     self.stolen_s[phase] = round(stolen_s() - stolen, 2)
-            except NotPossible as why:
+            except (NotPossible, MissingProgram) as why:
                 self.not_possible[phase] = str(why)
                 self.say(f"{LABELS[phase]}: not possible here: {why}")
 
     def cyclictest(self, power_management):
-        """@return its histogram. The end by the user's wish is a MissionError."""
+        """@return its histogram"""
         command = ["cyclictest", "-m", f"-p{PRIORITY}", f"-i{INTERVAL_US}", "-t", "-a", "-q", f"-h{LARGEST_US}", f"-D{max(1, round(self.phase_s))}"]
         with tempfile.TemporaryFile("w+") as out, tempfile.TemporaryFile("w+") as problem:
             with subprocess.Popen(command + ["--default-system"] * power_management, stdin=subprocess.DEVNULL, stdout=out, stderr=problem) as run:
                 try:
-                    mission.wait_until(lambda: run.poll() is not None or self.signals.wait(0.1), self.phase_s + 30, "cyclictest ends")
+                    self.signals.wait_until(lambda: run.poll() is not None, self.phase_s + 30, "cyclictest ends", 0.1)
                 finally:
                     run.terminate()
-            if self.signals.asked:
-                raise mission.MissionError("interrupted", code=130)
             out.seek(0)
             problem.seek(0)
             if run.returncode != 0:
-                raise mission.MissionError(f"cyclictest ended with {run.returncode}: {problem.read().strip()}")
+                raise MissionError(f"cyclictest ended with {run.returncode}: {problem.read().strip()}")
             return parse_histogram(out.read())
 
     # --- judgement ----------------------------------------------------------------------------------------------------
@@ -267,18 +199,7 @@ class Experiment:
         for name, phase in phases.items():
             expected = round(self.phase_s * 1e6 / INTERVAL_US) * len(self.found[name]["counts"])
             checks += judge_phase(name, phase, expected, realtime)
-        return {
-            "experiment": self.name,
-            "title": TITLES[self.name],
-            "machine": self.machine,
-            "phase_s": self.phase_s,
-            "priority": PRIORITY,
-            "interval_us": INTERVAL_US,
-            "phases": phases,
-            "not_possible": self.not_possible,
-            "checks": checks,
-            "ok": all(c["ok"] for c in checks),
-        }
+        return self.summary(checks, machine=self.machine, phase_s=self.phase_s, priority=PRIORITY, interval_us=INTERVAL_US, phases=phases, not_possible=self.not_possible)
 
     @staticmethod
     def text(summary):
@@ -291,23 +212,16 @@ class Experiment:
 
     # --- files --------------------------------------------------------------------------------------------------------
 
-    def write_csv(self, path):
-        with open(path, "w", newline="") as file:
-            rows = csv.writer(file)
-            rows.writerow(["phase", "cpu", "latency_us", "wakeups"])
-            for phase, found in self.found.items():
-                for cpu, (counts, later) in enumerate(zip(found["counts"], found["later"])):
-                    rows.writerows([phase, cpu, us, n] for us, n in sorted(counts.items()))
-                    rows.writerows([[phase, cpu, f">{LARGEST_US - 1}", later]] if later else [])
+    def rows(self):
+        for phase, found in self.found.items():
+            for cpu, (counts, later) in enumerate(zip(found["counts"], found["later"])):
+                yield from ([phase, cpu, us, n] for us, n in sorted(counts.items()))
+                if later:
+                    yield [phase, cpu, f">{LARGEST_US - 1}", later]
 
     def draw(self, folder):
         """SVG and PNG like the paper's figure: a histogram a phase, both axes logarithmic, a color a CPU."""
-        import matplotlib
-
-        matplotlib.use("Agg")
-        from matplotlib import pyplot
-
-        figure, axes = pyplot.subplots(1, len(PHASES), figsize=(12, 4.2), sharey=True)
+        figure, axes = pyplot().subplots(1, len(PHASES), figsize=(12, 4.2), sharey=True)
         longest = max([max(f["max_us"]) for f in self.found.values() if f["max_us"]], default=BOUND_US)
         for number, (axis, phase) in enumerate(zip(axes, PHASES)):
             axis.set_title(f"({'abc'[number]}) {LABELS[phase]}", fontsize=8)
@@ -328,13 +242,4 @@ class Experiment:
             axis.legend(fontsize=7, loc="upper right", markerscale=3)
         axes[0].set_ylabel("wake-ups")
         figure.suptitle(f"Fig. 12: scheduling latency; {described(self.machine)}", fontsize=10)
-        figure.tight_layout()
-        for kind in ("svg", "png"):
-            figure.savefig(folder / f"{self.name}.{kind}", dpi=90)
-        pyplot.close(figure)
-
-
-def described(machine):
-    """One line that says what it ran on."""
-    where = f", virtual ({machine['virtual']})" if machine["virtual"] else ""
-    return f"Linux {machine['kernel']}, {machine['preemption']}; {machine['cpus']} x {machine['cpu']}{where}; clock {machine['clocksource']}"
+        self.save(figure, folder, 90)

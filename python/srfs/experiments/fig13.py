@@ -18,40 +18,32 @@ import json
 import os
 import subprocess
 
-from srfs.experiments.fig12 import described, machine, stolen_s
-from srfs.flight import deployments, mission
+from srfs.experiments.experiment import Experiment
+from srfs.flight import deployments
 from srfs.flight.deployments import PAYLOADS
-from srfs.measures import imaging, ros
-from srfs.record.rotation import percentile
-from srfs.record.timeline import check
+from srfs.flight.machine import described, machine, may_be_real_time, stolen_s
+from srfs.measures import imaging
+from srfs.program import MissionError
+from srfs.report.checks import check, verdict
+from srfs.report.figures import percentile, quantiles
+from srfs.report.files import pyplot
 
 TALKERS = ("timing", "can_switcher", "ttc", *PAYLOADS)  # nodes whose telemetry is listened to
 TITLES = {"fig13": "latency of publish-subscribe: the mission's topics, idle and beside image processing"}
-DEPLOYMENT = "sim"
-ONLY = ()
 PHASE_S = 60  # imaging.TASKS last for little more
 SETTLE_S = 2.0
 IDLE, IMAGING = PHASES = ("idle", "imaging")
 LABELS = {IDLE: "light load: housekeeping alone", IMAGING: "heavy load: images captured five times a second and searched"}
-PRIORITY = imaging.REALTIME[PAYLOADS[0]]  # of the subscriber
+PRIORITY = deployments.realtime()[PAYLOADS[0]]["priority"]  # of the subscriber
 TELECOMMANDS = ("adcs.set_mode mode=point", "eps.switch_load load=2 state=on", "thermal.set_setpoint heater=1 setpoint_k=291.5")
 TELECOMMAND_PERIOD_S = 2 / 3
 LINES_MS = (10, 20)  # the paper's
 GOALS_MS = {"p50": 0.15, "p99": 1, "max": 5}
-QUANTILES = {"p50": 0.5, "p99": 0.99, "p99_9": 0.999, "max": 1.0}
 LEAST_MS = 0.0051  # of the drawing
 LARGEST_CLOCK_STEP_US = 1000
 # A payload's topics count together.
 GROUPS = {"/timing/tick": "tick", "/can/task_flags": "task flags", "/can/bus_status": "bus status", "/telecommand": "telecommands",
           "/telecommand_report": "telecommand reports", "activity": "activity", "telemetry": "telemetry"}  # fmt: skip
-
-
-def varied(deployment, folder):
-    """The deployment with real-time housekeeping, and the image lane on the last CPU."""
-    lane = {"policy": "other", "priority": 0, "background": True, "cpus": [max(os.sched_getaffinity(0))]}
-    scheduling = {**imaging.realtime(), "image_acquisition": lane, "image_processing": lane}
-    read = deployments.read(mission.find_deployment(deployment))
-    return deployments.write(imaging.scheduled(read, scheduling), folder / "fig13.yaml")
 
 
 def group(topic):
@@ -60,8 +52,7 @@ def group(topic):
 
 def spread(latencies_ms):
     """Quantiles in ms, and how many were later than the paper's lines."""
-    quantiles = {f"{name}_ms": round(percentile(latencies_ms, q), 4) if latencies_ms else None for name, q in QUANTILES.items()}
-    return {"samples": len(latencies_ms), **quantiles, **{f"later_than_{line}_ms": sum(1 for x in latencies_ms if x > line) for line in LINES_MS}}
+    return {"samples": len(latencies_ms), **quantiles(latencies_ms, "p50 p99 p99_9 max", digits=4, suffix="_ms"), **{f"later_than_{line}_ms": sum(1 for x in latencies_ms if x > line) for line in LINES_MS}}
 
 
 def judge_phase(name, phase, realtime_kernel):
@@ -83,29 +74,33 @@ def judge_goals(phases):
             for name, phase in phases.items() for what, goal in GOALS_MS.items()]  # fmt: skip
 
 
-class Experiment:
-    """One run. Latencies in ms; rows are (seconds since the phase's first sample, topic, latency)."""
+class Fig13(Experiment):
+    """Latencies in ms; rows_of[phase]: (seconds since the phase's first sample, topic, latency)."""
 
-    def __init__(self, name, flight, signals, say):
-        self.name = name
-        self.flight = flight
-        self.signals = signals
-        self.say = say
+    TITLES = TITLES
+    DEPLOYMENT = "sim"
+    COLUMNS = ("phase", "topic", "published_s", "latency_ms")
+
+    def __init__(self, *flight):
+        super().__init__(*flight)
         self.phase_s = PHASE_S
-        self.rows = {}
+        self.rows_of = {}
         self.said = {}  # phase -> what the subscriber and the machine counted
 
-    def pause(self, seconds):
-        if self.signals.asked or self.signals.wait(seconds):
-            raise mission.MissionError("interrupted", code=130)
+    @staticmethod
+    def varied(deployment, folder):
+        """The deployment with real-time housekeeping, and the image lane on the last CPU."""
+        lane = {"policy": "other", "priority": 0, "background": True, "cpus": [max(os.sched_getaffinity(0))]}
+        scheduling = {**deployments.realtime(), "image_acquisition": lane, "image_processing": lane}
+        return deployments.write(deployments.scheduled(deployments.read(deployment), scheduling), folder / "fig13.yaml")
 
     def run(self):
         self.machine = machine()
-        self.realtime = ros.may_be_real_time()
+        self.realtime = may_be_real_time()
         if not self.realtime:
             self.say("this process may not use SCHED_FIFO (root or CAP_SYS_NICE): everything runs with normal scheduling")
         ground = self.flight.ground()
-        self.pause(SETTLE_S)
+        self.signals.pause(SETTLE_S)
         self.record(IDLE, ground)
         self.say("imaging begins")
         imaging.begin_imaging(ground, frames=min(imaging.FRAMES, 3 + round(self.phase_s)))  # soon, in a short run
@@ -124,25 +119,25 @@ class Experiment:
                 while subscriber.poll() is None:
                     ground.send(f"tc {TELECOMMANDS[sent % len(TELECOMMANDS)]}")
                     sent += 1
-                    self.pause(TELECOMMAND_PERIOD_S)
+                    self.signals.pause(TELECOMMAND_PERIOD_S)
             finally:
                 subscriber.terminate()
             out, problem = subscriber.communicate()
         if subscriber.returncode != 0:
-            raise mission.MissionError(f"bench_topics: {problem.strip()}")
+            raise MissionError(f"bench_topics: {problem.strip()}")
         frames_now = imaging.frames(self.flight.var)
         self.said[phase] = {**json.loads(out), "telecommands": sent, "stolen_cpu_s": round(stolen_s() - stolen, 2),
                             **{f"frames_{key}": frames_now[key] - frames[key] for key in frames}}  # fmt: skip
         with open(file, newline="") as lines:
             read = [(row["topic"], int(row["published_ns"]), int(row["received_ns"])) for row in csv.DictReader(lines)]
         begin = min((published for _, published, _ in read), default=0)
-        self.rows[phase] = [((published - begin) / 1e9, topic, (received - published) / 1e6) for topic, published, received in read]
+        self.rows_of[phase] = [((published - begin) / 1e9, topic, (received - published) / 1e6) for topic, published, received in read]
 
     # --- judgement ----------------------------------------------------------------------------------------------------
 
     def judge(self):
         phases = {}
-        for name, rows in self.rows.items():
+        for name, rows in self.rows_of.items():
             topics = {title: spread([latency for _, topic, latency in rows if group(topic) == title]) for title in GROUPS.values()}
             phases[name] = {**spread([latency for _, _, latency in rows]), "topics": topics, **{k: v for k, v in self.said[name].items() if k != "samples"}}
         imaging = phases[IMAGING]
@@ -153,18 +148,8 @@ class Experiment:
                   f"images were processed all the time: {imaging['frames_captured']} captured, {imaging['frames_processed']} searched"),
             check(self.restarts == 0, f"no node was restarted ({self.restarts})"),
         ]  # fmt: skip
-        return {
-            "experiment": self.name,
-            "title": TITLES[self.name],
-            "deployment": self.flight.deployment.stem,
-            "machine": self.machine,
-            "scheduling": f"SCHED_FIFO, the subscriber {PRIORITY}" if self.realtime else "normal: SCHED_FIFO is not allowed",
-            "phase_s": self.phase_s,
-            "phases": phases,
-            "goals": judge_goals(phases),
-            "checks": checks,
-            "ok": all(c["ok"] for c in checks),
-        }
+        scheduling = f"SCHED_FIFO, the subscriber {PRIORITY}" if self.realtime else "normal: SCHED_FIFO is not allowed"
+        return self.summary(checks, machine=self.machine, scheduling=scheduling, phase_s=self.phase_s, phases=phases, goals=judge_goals(phases))
 
     @staticmethod
     def text(summary):
@@ -173,33 +158,25 @@ class Experiment:
             lines.append(f"  {LABELS[name]}; the host took {phase['stolen_cpu_s']} s of CPU time")
             for title, of in (("all", phase), *phase["topics"].items()):
                 lines.append(f"    {title:20} {of['samples']:6} samples: p50 {of['p50_ms']} ms, p99 {of['p99_ms']}, p99.9 {of['p99_9_ms']}, at most {of['max_ms']} ms")
-        lines += [f"  goal {g['what']} <= {g['goal_ms']} ms, {g['phase']}: {g['value_ms']} ms, {'met' if g['met'] else 'missed'}" for g in summary["goals"]]
+        lines += [f"  goal {g['what']} <= {g['goal_ms']} ms, {g['phase']}: {g['value_ms']} ms, {verdict(g['met'])}" for g in summary["goals"]]
         return "\n".join(lines)
 
     # --- files --------------------------------------------------------------------------------------------------------
 
-    def write_csv(self, path):
-        with open(path, "w", newline="") as file:
-            rows = csv.writer(file)
-            rows.writerow(["phase", "topic", "published_s", "latency_ms"])
-            for phase, recorded in self.rows.items():
-                rows.writerows([phase, topic, f"{at:.6f}", f"{latency:.4f}"] for at, topic, latency in recorded)
+    def rows(self):
+        for phase, recorded in self.rows_of.items():
+            yield from ([phase, topic, f"{at:.6f}", f"{latency:.4f}"] for at, topic, latency in recorded)
 
     def draw(self, folder):
         """SVG and PNG like the paper's figure: latency over time and its histogram for each phase, with the lines of 10 and 20 ms."""
-        import matplotlib
-
-        matplotlib.use("Agg")
-        from matplotlib import pyplot
-
-        figure, grid = pyplot.subplots(len(PHASES), 2, figsize=(11, 6.6), sharex="col", width_ratios=(3, 2))
+        figure, grid = pyplot().subplots(len(PHASES), 2, figsize=(11, 6.6), sharex="col", width_ratios=(3, 2))
         edges = [10 ** (k / 20) for k in range(-46, 30)]  # 0.005 to 28 ms, twenty bins a decade
         for number, phase in enumerate(PHASES):
             series, histogram = grid[number]
             for title in GROUPS.values():
-                points = [(at, latency) for at, topic, latency in self.rows[phase] if group(topic) == title]
+                points = [(at, latency) for at, topic, latency in self.rows_of[phase] if group(topic) == title]
                 series.plot(*zip(*points), ".", markersize=1.8, label=title, rasterized=True) if points else None
-            latencies = [latency for _, _, latency in self.rows[phase]]
+            latencies = [latency for _, _, latency in self.rows_of[phase]]
             histogram.hist([min(max(x, LEAST_MS), 0.999 * edges[-1]) for x in latencies], bins=edges, histtype="step", linewidth=1.1)
             for line in LINES_MS:
                 series.axhline(line, color="red", linewidth=0.8, linestyle="--")
@@ -223,7 +200,4 @@ class Experiment:
         grid[-1][1].set_xlabel("latency [ms]")
         figure.legend(*grid[0][0].get_legend_handles_labels(), loc="lower center", ncol=len(GROUPS), fontsize=8, frameon=False, markerscale=5)
         figure.suptitle(f"Fig. 13: latency of publish-subscribe; {described(self.machine)}", fontsize=10)
-        figure.tight_layout(rect=(0, 0.03, 1, 1))
-        for kind in ("svg", "png"):
-            figure.savefig(folder / f"{self.name}.{kind}", dpi=90)
-        pyplot.close(figure)
+        self.save(figure, folder, 90, rect=(0, 0.03, 1, 1))

@@ -2,20 +2,19 @@
 # SPDX-License-Identifier: Apache-2.0
 """The paper's Fig. 14 with the real processes: which payload occupied the CAN bus when, which processed, which took a telecommand."""
 
-import csv
 import time
 
-from srfs.flight import mission
+from srfs.experiments.experiment import StatesExperiment
 from srfs.flight.deployments import PAYLOADS
 from srfs.record import can_frames, timeline
-from srfs.record.rotation import percentile
 from srfs.record.timeline import MS
+from srfs.report.checks import check
+from srfs.report.figures import percentile
+from srfs.report.files import pyplot
 
 SETTLE_S = 2.0  # the slots before the recording are over, their processing too
 LATE_MS = 300  # what payload2's peripheral takes longer in fig14b: more than the heartbeat of 250 ms, less than the allotted time
 TELECOMMANDS = ("adcs.set_mode mode=point", "adcs.set_mode mode=detumble")
-DEPLOYMENT = "fig14"
-ONLY = ()
 SEQUENTIAL_MARGIN_MS = 20  # between the end of the processing and the next heartbeat, where the work is done in strict sequence
 DURATION_S = {"fig14a": 6.0, "fig14b": 8.0, "fig14c": 6.0, "fig14d": 8.0}
 TITLES = {
@@ -30,32 +29,22 @@ BLOCKED = {"color": "red", "linewidth": 0.9, "linestyle": "--"}
 TELECOMMAND = {"color": "red", "marker": "v", "markersize": 6, "linestyle": "none"}
 
 
-class Experiment:
-    """One run. Everything on CLOCK_MONOTONIC in ns."""
+class Fig14(StatesExperiment):
+    TITLES = TITLES
+    DEPLOYMENT = "fig14"
 
-    def __init__(self, name, flight, signals, say):
-        self.name = name
-        self.flight = flight
-        self.signals = signals
-        self.say = say
+    def __init__(self, *flight):
+        super().__init__(*flight)
         self.line = timeline.Timeline(PAYLOADS)
         self.frames = {}
         self.sequential = None  # fig14c: (begin, end) of the recording in strict sequence
 
-    def wait_until(self, end):
-        """Waits until time.monotonic() is end. Raises MissionError when the user asks for the end before."""
-        left = end - time.monotonic()
-        if self.signals.asked or (left > 0 and self.signals.wait(left)):
-            raise mission.MissionError("interrupted", code=130)
-
     def switcher(self, transition):
-        result = self.flight.srfs("lifecycle", "can_switcher", transition)
-        if result.returncode != 0:
-            raise mission.MissionError(f"can_switcher {transition}: {result.stdout.strip() or result.stderr.strip()}")
+        self.flight.srfs_json("lifecycle", "can_switcher", transition)
 
     def run(self):
         self.switcher("deactivate")
-        self.wait_until(time.monotonic() + SETTLE_S)
+        self.signals.pause(SETTLE_S)
         if self.name == "fig14b":
             self.flight.control({"peripheral": "eps", "fault": "late", "delay_ms": LATE_MS})
         recorder = self.flight.recorder()
@@ -66,12 +55,12 @@ class Experiment:
         self.switcher("activate")
         end = time.monotonic() + DURATION_S[self.name]
         for k, text in enumerate(TELECOMMANDS if ground else ()):
-            self.wait_until(end - DURATION_S[self.name] + 2 + 2.5 * k)
+            self.signals.pause(end - DURATION_S[self.name] + 2 + 2.5 * k - time.monotonic())
             # while the last payload has the bus: the first is idle then, and its next slot is the next one
             recorder.wait_for(lambda m: m["type"] == "bus" and m["status"] == "taken" and m["payload"] == PAYLOADS[-1], 2, recorder.position())
             self.say(f"telecommand {text}")
             ground.send(f"tc {text}")
-        self.wait_until(end)
+        self.signals.pause(end - time.monotonic())
         self.end = time.monotonic_ns()
         if ground:
             self.frames = self.frames_of_telecommands()
@@ -82,14 +71,12 @@ class Experiment:
         """The same work, with heartbeats so far apart that the processing of a payload is over when the next one gets the bus."""
         longest_ms = timeline.longest_work(self.line.intervals(self.begin, self.end)) / MS
         period_ms = timeline.next_tick_period_ms(longest_ms + SEQUENTIAL_MARGIN_MS)
-        result = self.flight.srfs("param", "set", "timing", "tick_period_ms", str(period_ms))
-        if result.returncode != 0:
-            raise mission.MissionError(f"tick_period_ms {period_ms}: {result.stdout.strip() or result.stderr.strip()}")
+        self.flight.srfs_json("param", "set", "timing", "tick_period_ms", period_ms)
         self.flight.srfs("param", "confirm", "timing")  # it would go back in the middle of a long recording
-        self.wait_until(time.monotonic() + SETTLE_S)
+        self.signals.pause(SETTLE_S)
         begin = time.monotonic_ns()
         self.say(f"recording {DURATION_S[self.name]:g} s with a heartbeat of {period_ms} ms: strictly sequential")
-        self.wait_until(time.monotonic() + DURATION_S[self.name])
+        self.signals.pause(DURATION_S[self.name])
         return begin, time.monotonic_ns()
 
     def frames_of_telecommands(self):
@@ -115,19 +102,8 @@ class Experiment:
         use = timeline.use_of_the_bus(intervals, beats, self.begin, self.end)
         sequential = self.judge_strict_sequence(use, checks) if self.sequential else {}
         delays = [(slot.begin - beat) / MS for slot, beat, _ in timeline.switched_at(intervals, beats) if beat]
-        return {
-            "experiment": self.name,
-            "title": TITLES[self.name],
-            "deployment": self.flight.deployment.stem,
-            "recorded_s": round((self.end - self.begin) / 1e9, 3),
-            "heartbeats": len(beats),
-            "heartbeat_ms": round(timeline.heartbeat_period(beats) / MS, 1),
-            "heartbeat_to_bus_p50_ms": round(percentile(delays, 0.5) or 0, 3),
-            **use,
-            **sequential,
-            "checks": checks,
-            "ok": all(c["ok"] for c in checks),
-        }
+        return self.summary(checks, recorded_s=round(self.seconds(self.end), 3), heartbeats=len(beats), heartbeat_ms=round(timeline.heartbeat_period(beats) / MS, 1),
+                            heartbeat_to_bus_p50_ms=round(percentile(delays, 0.5) or 0, 3), **use, **sequential)  # fmt: skip
 
     @staticmethod
     def text(summary):
@@ -143,49 +119,35 @@ class Experiment:
         use = timeline.use_of_the_bus(self.line.intervals(*self.sequential), beats, *self.sequential)
         gain = timeline.parallelism(as_run, use)
         what = f"more of the bus is used than in strict sequence: {as_run['slots_per_s']} slots/s against {use['slots_per_s']}, measured"
-        checks.append(timeline.check(gain and gain > 1, what))
+        checks.append(check(gain and gain > 1, what))
         kept = ("slots", "slots_per_s", "bus_utilisation", "slot_ms", "processing_ms", "processing_beside_the_bus_ms")
         heartbeat_ms = round(timeline.heartbeat_period(beats) / MS, 1)
         return {"strict_sequence_measured": {"heartbeat_ms": heartbeat_ms, **{key: use[key] for key in kept}}, "parallelism": gain}
 
     # --- files --------------------------------------------------------------------------------------------------------
 
-    def write_csv(self, path):
-        with open(path, "w", newline="") as file:
-            rows = csv.writer(file)
-            rows.writerow(["payload", "state", "begin_s", "end_s"])
-            for i in self.line.intervals(self.begin, self.end):
-                rows.writerow([i.payload, i.state, f"{(i.begin - self.begin) / 1e9:.6f}", f"{(i.end - self.begin) / 1e9:.6f}"])
+    def states(self):
+        return [(i.payload, i.state, i.begin, i.end) for i in self.line.intervals(self.begin, self.end)]
 
     def draw(self, folder):
         """SVG and PNG like the paper's figure: a panel a payload, its four states over time. Behind them whose turn on the bus it is."""
-        import matplotlib
-
-        matplotlib.use("Agg")
-        from matplotlib import lines, patches, pyplot
-
-        def seconds(t):
-            return (t - self.begin) / 1e9
+        plots = pyplot()
+        from matplotlib import lines, patches
 
         intervals = self.line.intervals(self.begin, self.end)
         beats = self.line.heartbeats(self.begin, self.end)
         blocked = {t for _, inside in timeline.blocked_heartbeats(intervals, beats) for t in inside}
-        figure, axes = pyplot.subplots(len(PAYLOADS), 1, figsize=(10, 6.4), sharex=True)
-        for number, (axis, payload) in enumerate(zip(axes, PAYLOADS)):
+        figure, axes = plots.subplots(len(PAYLOADS), 1, figsize=(10, 6.4), sharex=True)
+        for number, (axis, payload) in enumerate(zip(axes, PAYLOADS), 1):
             for i in timeline.of_state(intervals, timeline.OCCUPYING):
                 color = f"C{PAYLOADS.index(i.payload)}"
-                axis.axvspan(seconds(i.begin), seconds(i.end), color=color, alpha=0.3 if i.payload == payload else 0.1, linewidth=0)
+                axis.axvspan(self.seconds(i.begin), self.seconds(i.end), color=color, alpha=0.3 if i.payload == payload else 0.1, linewidth=0)
             for beat in beats:
-                axis.axvline(seconds(beat), **(BLOCKED if beat in blocked else HEARTBEAT))
-            own = [i for i in intervals if i.payload == payload]
-            levels = [timeline.STATES.index(i.state) for i in own]
-            axis.step([seconds(i.begin) for i in own] + [seconds(self.end)], levels + levels[-1:], where="post", color=f"C{number}", linewidth=1.6)
-            times = [seconds(at) for target, at in self.line.telecommands.values() if target == payload]
+                axis.axvline(self.seconds(beat), **(BLOCKED if beat in blocked else HEARTBEAT))
+            self.draw_states(axis, number, payload, timeline.STATES, STATE_LABELS, linewidth=1.6)
+            times = [self.seconds(at) for target, at in self.line.telecommands.values() if target == payload]
             axis.plot(times, [len(timeline.STATES) - 0.75] * len(times), **TELECOMMAND)
-            axis.set_yticks(range(len(timeline.STATES)), STATE_LABELS, fontsize=8)
-            axis.set_ylim(-0.3, len(timeline.STATES) - 0.5)
-            axis.set_xlim(0, seconds(self.end))
-            axis.set_title(f"payload{number + 1} ({payload})", fontsize=9, loc="left")
+            axis.set_xlim(0, self.seconds(self.end))
         axes[-1].set_xlabel("time [s]")
         legend = [patches.Patch(color=f"C{n}", alpha=0.3, label=f"payload{n + 1} has the bus") for n in range(len(PAYLOADS))]
         legend.append(lines.Line2D([], [], label="heartbeat", **HEARTBEAT))
@@ -193,7 +155,4 @@ class Experiment:
         legend += [lines.Line2D([], [], label="telecommand", **TELECOMMAND)] if self.line.telecommands else []
         figure.legend(handles=legend, loc="lower center", ncol=len(legend), fontsize=8, frameon=False)
         figure.suptitle(f"Fig. 14{self.name[-1]}: {TITLES[self.name]}", fontsize=11)
-        figure.tight_layout(rect=(0, 0.04, 1, 1))
-        for kind in ("svg", "png"):
-            figure.savefig(folder / f"{self.name}.{kind}", dpi=130)
-        pyplot.close(figure)
+        self.save(figure, folder, rect=(0, 0.04, 1, 1))

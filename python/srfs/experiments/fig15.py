@@ -5,23 +5,22 @@
 payload3 fails twice: killed (its process ends) and stopped (it hangs, SIGSTOP). Everything on CLOCK_MONOTONIC in ns.
 """
 
-import contextlib
-import csv
-import os
 import signal
 import threading
 import time
 
-from srfs.flight import mission
+from srfs.experiments.experiment import StatesExperiment
 from srfs.flight.deployments import PAYLOADS
+from srfs.flight.processes import send_signal
+from srfs.program import MissionError
 from srfs.record import ringline
-from srfs.record.timeline import MS, check
+from srfs.record.timeline import MS
+from srfs.report.checks import check
+from srfs.report.files import pyplot
 
 FIRST, SECOND, THIRD = PAYLOADS
 RING = (FIRST, THIRD, SECOND)  # each checks the next
 TITLES = {"fig15": "cyclic restart: payload1 starts payload3, payload3 starts payload2; payload3 fails and is healed"}
-DEPLOYMENT = "fig15"
-ONLY = (FIRST,)
 QUIET_S = 3.0  # between two steps: what stands in the drawing
 LOOK_S = 0.01
 
@@ -50,29 +49,15 @@ class Processes:
         self._thread.join()
 
 
-class Experiment:
-    """One run."""
+class Fig15(StatesExperiment):
+    TITLES = TITLES
+    DEPLOYMENT = "fig15"
+    ONLY = (FIRST,)
 
-    def __init__(self, name, flight, signals, say):
-        self.name = name
-        self.flight = flight
-        self.signals = signals
-        self.say = say
+    def __init__(self, *flight):
+        super().__init__(*flight)
         self.line = ringline.RingLine()
         self.failures = []  # (what, when)
-        self.step_deadline_s = 60
-
-    def wait_until(self, condition, what):
-        def looked():
-            if self.signals.asked:
-                raise mission.MissionError("interrupted", code=130)
-            return condition()
-
-        return mission.wait_until(looked, self.step_deadline_s, what)
-
-    def quiet(self):
-        if self.signals.wait(QUIET_S):
-            raise mission.MissionError("interrupted", code=130)
 
     def run(self):
         self.begin = time.monotonic_ns()
@@ -86,7 +71,7 @@ class Experiment:
                 self.wait_until(lambda o=observer, s=subject: self.line.alive(o, s, self.begin), f"{subject} is Active, says {observer}")
                 self.say(f"{subject} is Active")
             self.wait_until(lambda: self.line.alive(SECOND, FIRST, self.begin), "the ring is closed")
-            self.quiet()
+            self.signals.pause(QUIET_S)
             for what, number in (("killed", signal.SIGKILL), ("stopped", signal.SIGSTOP)):
                 self.fail(what, number)
             self.at_last = {payload: self.flight.node_pid(payload) for payload in PAYLOADS}
@@ -98,15 +83,14 @@ class Experiment:
     def fail(self, what, number):
         pid = self.flight.node_pid(THIRD)
         if pid is None:
-            raise mission.MissionError(f"{THIRD} does not run")
+            raise MissionError(f"{THIRD} does not run")
         at = time.monotonic_ns()
-        with contextlib.suppress(ProcessLookupError):
-            os.kill(pid, number)
+        send_signal(pid, number)
         self.failures.append((what, at))
         self.say(f"{THIRD} {what}")
         self.wait_until(lambda: self.flight.node_pid(THIRD) not in (None, pid) and self.line.alive(FIRST, THIRD, at, renewed=True),
                         f"{THIRD} is Active again")  # fmt: skip
-        self.quiet()
+        self.signals.pause(QUIET_S)
 
     # --- judgement ----------------------------------------------------------------------------------------------------
 
@@ -134,18 +118,10 @@ class Experiment:
             check(not line.restarts_by_others(RING, begin), "every node is restarted only by the node that checks it"),
             check(all(self.at_last[p] and self.at_last[p] == self.first_pid(p) for p in (FIRST, SECOND)), "payload1 and payload2 are never restarted"),
         ]  # fmt: skip
-        return {
-            "experiment": self.name,
-            "title": TITLES[self.name],
-            "deployment": self.flight.deployment.stem,
-            "recorded_s": round((self.end - begin) / 1e9, 3),
-            "check_period_ms": line.period_ms(FIRST, THIRD),
-            "starts": {p: at and round((at - begin) / 1e9, 3) for p, at in starts.items()},
-            "raised": [self.times(s, starts.get(s["observer"])) for s in steps],
-            "healed": [{"failure": what, **self.times(s, at)} for (what, at), s in zip(self.failures, healings)],
-            "checks": checks,
-            "ok": all(c["ok"] for c in checks),
-        }
+        return self.summary(checks, recorded_s=round(self.seconds(self.end), 3), check_period_ms=line.period_ms(FIRST, THIRD),
+                            starts={p: at and round(self.seconds(at), 3) for p, at in starts.items()},
+                            raised=[self.times(s, starts.get(s["observer"])) for s in steps],
+                            healed=[{"failure": what, **self.times(s, at)} for (what, at), s in zip(self.failures, healings)])  # fmt: skip
 
     def first_pid(self, payload):
         return next((pid for _, who, pid in self.processes if who == payload and pid is not None), None)
@@ -171,42 +147,19 @@ class Experiment:
     def states(self):
         return ringline.states(self.line, self.processes, PAYLOADS, self.begin, self.end)
 
-    def write_csv(self, path):
-        with open(path, "w", newline="") as file:
-            rows = csv.writer(file)
-            rows.writerow(["payload", "state", "begin_s", "end_s"])
-            for payload, state, begin, end in self.states():
-                rows.writerow([payload, state, f"{(begin - self.begin) / 1e9:.6f}", f"{(end - self.begin) / 1e9:.6f}"])
-
     def draw(self, folder):
         """SVG and PNG like the paper's figure: one panel for each payload with its state over time and which node restarted it when."""
-        import matplotlib
-
-        matplotlib.use("Agg")
-        from matplotlib import pyplot
-
-        def seconds(t):
-            return (t - self.begin) / 1e9
-
-        states = self.states()
-        figure, axes = pyplot.subplots(len(PAYLOADS), 1, figsize=(11, 6), sharex=True)
+        figure, axes = pyplot().subplots(len(PAYLOADS), 1, figsize=(11, 6), sharex=True)
         for number, (axis, payload) in enumerate(zip(axes, PAYLOADS), 1):
-            own = [s for s in states if s[0] == payload]
-            levels = [ringline.STATES.index(s[1]) for s in own]
-            axis.step([seconds(s[2]) for s in own] + [seconds(self.end)], levels + levels[-1:], where="post", color=f"C{number - 1}")
+            self.draw_states(axis, number, payload, ringline.STATES, ringline.STATES)
+            axis.set_ylim(-0.3, 2.9)
             for m in self.line.of(subject=payload, verdict="outcome"):
-                axis.axvline(seconds(m["said_ns"]), color="green", linewidth=1, linestyle="--")
-                axis.text(seconds(m["said_ns"]), 2.25, f"restarted by payload{PAYLOADS.index(m['observer']) + 1}", fontsize=7, color="green")
+                axis.axvline(self.seconds(m["said_ns"]), color="green", linewidth=1, linestyle="--")
+                axis.text(self.seconds(m["said_ns"]), 2.25, f"restarted by payload{PAYLOADS.index(m['observer']) + 1}", fontsize=7, color="green")
             if payload == THIRD:
                 for what, at in self.failures:
-                    axis.axvline(seconds(at), color="red", linewidth=1)
-                    axis.text(seconds(at), 2.6, what, fontsize=7, color="red", ha="right")
-            axis.set_yticks(range(len(ringline.STATES)), ringline.STATES, fontsize=8)
-            axis.set_ylim(-0.3, 2.9)
-            axis.set_title(f"payload{number} ({payload})", fontsize=9, loc="left")
+                    axis.axvline(self.seconds(at), color="red", linewidth=1)
+                    axis.text(self.seconds(at), 2.6, what, fontsize=7, color="red", ha="right")
         axes[-1].set_xlabel("time [s]")
         figure.suptitle("Fig. 15: cyclic restart", fontsize=11)
-        figure.tight_layout()
-        for kind in ("svg", "png"):
-            figure.savefig(folder / f"{self.name}.{kind}", dpi=130)
-        pyplot.close(figure)
+        self.save(figure, folder)

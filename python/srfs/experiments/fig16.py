@@ -6,54 +6,39 @@ The sources go up as a signed package over the ground link, are compiled on boar
 the old program; the ring of the payloads goes on. Everything on CLOCK_MONOTONIC in ns.
 """
 
-import csv
-import json
 import time
 
 from srfs import ROOT
-from srfs.flight import mission
+from srfs.experiments.experiment import StatesExperiment
 from srfs.flight.deployments import PAYLOADS
+from srfs.flight.ground import Lines
+from srfs.program import MissionError
 from srfs.record import ringline
 from srfs.record.rotation import Rotation
-from srfs.record.timeline import MS, OCCUPYING, STATES, Timeline, check
+from srfs.record.timeline import MS, OCCUPYING, STATES, Timeline
+from srfs.report.checks import check
+from srfs.report.files import pyplot
 
 FIRST, SECOND, THIRD = PAYLOADS
 RING = (FIRST, THIRD, SECOND)  # each checks the next
 TITLES = {"fig16": "system maintenance: payload3 without the CAN bus is replaced in flight by one with it, built on board from uplinked source"}
-DEPLOYMENT = "fig16"
-ONLY = ()
-INSTALLED = True  # the build lane needs the installed headers and libraries
 QUIET_S = 3.0
 PACKAGE = ROOT / "examples" / "packages" / "payload_thermal.yaml"
 SLOTS = 10  # that the new payload shall have used
 
 
-class Experiment:
-    """One run."""
+class Fig16(StatesExperiment):
+    TITLES = TITLES
+    DEPLOYMENT = "fig16"
+    INSTALLED = True
 
-    def __init__(self, name, flight, signals, say):
-        self.name = name
-        self.flight = flight
-        self.signals = signals
-        self.say = say
+    def __init__(self, *flight):
+        super().__init__(*flight)
         self.ring = ringline.RingLine()
         self.timeline = Timeline(PAYLOADS)
         self.rotation = Rotation()
         self.steps = {}  # what the spacecraft reported of the update -> when it was heard
         self.installed = None
-        self.step_deadline_s = 60
-
-    def wait_until(self, condition, what, deadline_s=None):
-        def looked():
-            if self.signals.asked:
-                raise mission.MissionError("interrupted", code=130)
-            return condition()
-
-        return mission.wait_until(looked, deadline_s or self.step_deadline_s, what)
-
-    def quiet(self):
-        if self.signals.wait(QUIET_S):
-            raise mission.MissionError("interrupted", code=130)
 
     def uses_the_bus(self, since=0):
         return sum(1 for at, who, state in list(self.timeline.changes) if who == THIRD and state == OCCUPYING and at >= since)
@@ -66,7 +51,7 @@ class Experiment:
         for observer, subject in zip(RING, (*RING[1:], RING[0])):
             self.wait_until(lambda o=observer, s=subject: self.ring.alive(o, s, self.begin), f"{subject} is Active, says {observer}")
         self.pids = {payload: self.flight.node_pid(payload) for payload in PAYLOADS}
-        self.quiet()
+        self.signals.pause(QUIET_S)
         self.used_before = self.uses_the_bus()
 
         package = self.flight.var / "payload_thermal_1.pkg"
@@ -77,15 +62,15 @@ class Experiment:
         self.install(package)
         self.at_last = {payload: self.flight.node_pid(payload) for payload in PAYLOADS}
         self.wait_until(lambda: self.uses_the_bus(self.ordered) >= SLOTS, f"the new {THIRD} uses the bus {SLOTS} times")
-        self.quiet()
+        self.signals.pause(QUIET_S)
         self.end = time.monotonic_ns()
-        self.versions = json.loads(self.flight.srfs("versions", "--node", THIRD).stdout)[0]
+        self.versions = self.flight.versions(THIRD)
 
     def install(self, package):
         """The operator's one command; what it prints is the account of the update."""
         command = [self.flight.program("srfs-ground"), "--port", str(self.flight.var / "rs422"), "--deployment", str(self.flight.deployment),
                    "--json", "package", "install", str(package)]  # fmt: skip
-        lines = mission.Lines(command, self.flight.var / "log" / "install.log")
+        lines = Lines(command, self.flight.var / "log" / "install.log")
 
         def on_message(m):
             if m["type"] != "event" or not m["event"].startswith("update."):
@@ -102,7 +87,7 @@ class Experiment:
             self.wait_until(lambda: lines.process.poll() is not None, "the package is installed", 900)
             lines._thread.join(5)
             if lines.process.returncode != 0:
-                raise mission.MissionError(f"srfs-ground package install ended with {lines.process.returncode}: see {lines.log_path}")
+                raise MissionError(f"srfs-ground package install ended with {lines.process.returncode}: see {lines.log_path}")
             self.installed = next((m["fields"] for m in lines.messages if m["type"] == "event" and m["event"] == "update.installed"), None)
         finally:
             lines.end()
@@ -133,21 +118,9 @@ class Experiment:
             check(sum(lost.values()) <= 1, f"CAN slots lost: {sum(lost.values())}, at most one"),
             check(slots[FIRST]["failed"] + slots[SECOND]["failed"] == 0, "no slot of payload1 or payload2 failed"),
         ]
-        return {
-            "experiment": self.name,
-            "title": TITLES[self.name],
-            "deployment": self.flight.deployment.stem,
-            "recorded_s": round((self.end - self.begin) / 1e9, 3),
-            "check_period_ms": self.ring.period_ms(FIRST, THIRD),
-            "package_octets": self.package_octets,
-            "steps_s": {step: round((at - self.ordered) / 1e9, 3) for step, at in self.steps.items()},
-            "installed": self.installed,
-            "outage_ms": self.outage_ms(),
-            "slots": slots,
-            "slots_lost": lost,
-            "checks": checks,
-            "ok": all(c["ok"] for c in checks),
-        }
+        return self.summary(checks, recorded_s=round(self.seconds(self.end), 3), check_period_ms=self.ring.period_ms(FIRST, THIRD), package_octets=self.package_octets,
+                            steps_s={step: round((at - self.ordered) / 1e9, 3) for step, at in self.steps.items()}, installed=self.installed,
+                            outage_ms=self.outage_ms(), slots=slots, slots_lost=lost)  # fmt: skip
 
     @staticmethod
     def text(summary):
@@ -158,58 +131,34 @@ class Experiment:
     # --- files --------------------------------------------------------------------------------------------------------
 
     def states(self):
-        return self.timeline.intervals(self.begin, self.end)
-
-    def write_csv(self, path):
-        with open(path, "w", newline="") as file:
-            rows = csv.writer(file)
-            rows.writerow(["payload", "state", "begin_s", "end_s"])
-            for i in self.states():
-                rows.writerow([i.payload, i.state, f"{(i.begin - self.begin) / 1e9:.6f}", f"{(i.end - self.begin) / 1e9:.6f}"])
+        return [(i.payload, i.state, i.begin, i.end) for i in self.timeline.intervals(self.begin, self.end)]
 
     def draw(self, folder):
         """SVG and PNG like the paper's figure: a panel a payload with its state over time, the steps of maintenance, and the ring's checks of payload3."""
-        import matplotlib
-
-        matplotlib.use("Agg")
-        from matplotlib import pyplot
-
-        def seconds(t):
-            return (t - self.begin) / 1e9
-
-        swap = seconds(self.steps["swap"])
-        figure, grid = pyplot.subplots(len(PAYLOADS) + 1, 2, figsize=(14, 8), sharex="col", sharey="row", width_ratios=(3, 2))
+        swap = self.seconds(self.steps["swap"])
+        figure, grid = pyplot().subplots(len(PAYLOADS) + 1, 2, figsize=(14, 8), sharex="col", sharey="row", width_ratios=(3, 2))
         for column in range(2):
-            self.draw_column([row[column] for row in grid], seconds)
+            self.draw_column([row[column] for row in grid])
             grid[-1][column].set_xlabel("time [s]" if column == 0 else "time [s], the swap")
         grid[0][1].set_xlim(swap - 1.5, swap + 2.5)
         figure.suptitle("Fig. 16: a node is replaced from uplinked source", fontsize=11)
-        figure.tight_layout()
-        for kind in ("svg", "png"):
-            figure.savefig(folder / f"{self.name}.{kind}", dpi=130)
-        pyplot.close(figure)
+        self.save(figure, folder)
 
-    def draw_column(self, axes, seconds):
-        states = self.states()
+    def draw_column(self, axes):
         for number, (axis, payload) in enumerate(zip(axes, PAYLOADS), 1):
-            own = [i for i in states if i.payload == payload]
-            levels = [STATES.index(i.state) for i in own]
-            axis.step([seconds(i.begin) for i in own] + [seconds(self.end)], levels + levels[-1:], where="post", color=f"C{number - 1}", linewidth=0.8)
-            axis.set_yticks(range(len(STATES)), [s.replace("_", " ") for s in STATES], fontsize=8)
-            axis.set_ylim(-0.3, len(STATES) - 0.3)
-            axis.set_title(f"payload{number} ({payload})", fontsize=9, loc="left")
+            self.draw_states(axis, number, payload, STATES, [s.replace("_", " ") for s in STATES], linewidth=0.8)
         axis = axes[-1]
         answers = self.ring.of(self.begin, self.end, observer=FIRST, subject=THIRD, verdict="alive")
         for incarnation in sorted({m["subject_incarnation"] for m in answers}):
-            times = [seconds(m["said_ns"]) for m in answers if m["subject_incarnation"] == incarnation]
+            times = [self.seconds(m["said_ns"]) for m in answers if m["subject_incarnation"] == incarnation]
             axis.plot(times, [0] * len(times), "|", markersize=14, label=f"payload3 answers payload1, incarnation {incarnation}")
         named = -1e9
         for step, at in sorted(self.steps.items(), key=lambda s: s[1]):
             for each in axes:
-                each.axvline(seconds(at), color="grey", linewidth=0.8, linestyle="--")
-            if seconds(at) - named > 0.02:
-                axis.text(seconds(at), 0.7, f" {step.replace('_', ' ')}", fontsize=8, rotation=60, va="bottom", clip_on=True)
-                named = seconds(at)
+                each.axvline(self.seconds(at), color="grey", linewidth=0.8, linestyle="--")
+            if self.seconds(at) - named > 0.02:
+                axis.text(self.seconds(at), 0.7, f" {step.replace('_', ' ')}", fontsize=8, rotation=60, va="bottom", clip_on=True)
+                named = self.seconds(at)
         axis.set_ylim(-1.2, 2.4)
         axis.set_yticks([])
         axis.set_title("the ring and maintenance", fontsize=9, loc="left")

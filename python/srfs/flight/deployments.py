@@ -7,10 +7,20 @@ import pathlib
 import yaml
 
 from srfs import ROOT
+from srfs.program import MissionError
 
 PAYLOADS = ("payload_adcs", "payload_eps", "payload_thermal")  # the paper's payload1, 2, 3
 NODES = ("timing", "can_switcher", *PAYLOADS, "ttc", "image_acquisition", "image_processing", "maintenance")
 FOLDER = ROOT / "launch_config"
+
+
+def find(name):
+    """The file that NAME means: a file, or launch_config/NAME.yaml."""
+    for path in (pathlib.Path(name), FOLDER / f"{name}.yaml"):
+        if path.is_file():
+            return path.resolve()
+    known = ", ".join(sorted(p.stem for p in FOLDER.glob("*.yaml")))
+    raise MissionError(f"no deployment '{name}': expected a file, or one of {known}", code=2)
 
 
 def files(file):
@@ -38,13 +48,34 @@ def merged(upper, lower):
 
 
 def read(file):
-    """What a file says, with those that it extends. A name without a folder is one of launch_config."""
-    chain = files(FOLDER / f"{file}.yaml" if "/" not in str(file) else file)
+    """What a file (or the NAME of one of launch_config) says, with those that it extends."""
+    chain = files(find(file))
     result = yaml.safe_load(chain[-1].read_text())
     for upper in reversed(chain[:-1]):
         result = merged(yaml.safe_load(upper.read_text()), result)
     result.pop("extends", None)
     return result
+
+
+def node(deployment, name):
+    """The entry of a node; MissionError without one."""
+    for entry in deployment["nodes"]:
+        if entry["name"] == name:
+            return entry
+    raise MissionError(f"the deployment has no node '{name}'", code=2)
+
+
+def scheduled(deployment, scheduling):
+    """A deployment with other values of `scheduling`: {node: mapping}."""
+    for name, value in scheduling.items():
+        node(deployment, name)["scheduling"] = value
+    return deployment
+
+
+def realtime():
+    """{node: scheduling} of the nodes that a board has under SCHED_FIFO, on any CPU."""
+    board = {entry["name"]: entry["scheduling"] for entry in read("board_rk3568")["nodes"]}
+    return {name: {**scheduling, "cpus": []} for name, scheduling in board.items() if scheduling["policy"] == "fifo"}
 
 
 def write(deployment, file):

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """One running simulation: the simulated spacecraft and the suite in a VAR folder, started, watched and ended in order.
 
-Used by ./run sim, ./run demo, ./run bench and the system tests. Standard library only.
+Used by ./run sim, ./run demo, ./run bench and the system tests. 
 """
 
 import contextlib
@@ -10,55 +10,21 @@ import fcntl
 import json
 import os
 import pathlib
-import queue
-import select
 import shutil
-import signal
 import struct
 import subprocess
-import sys
-import threading
 import time
 
-from srfs import ROOT
-from srfs.flight.lateness import ProcessWait
+from srfs.flight import deployments
+from srfs.flight.ground import ANSWER_DEADLINE_S, GroundSession, Lines
+from srfs.flight.processes import MOST_PATIENCE, PATIENCE, STOP_PATIENCE_S, command_line, end_processes, is_flocked, kib_of, lock_owner, output, processes_of, stop_child, wait_until
+from srfs.program import MissionError
 from srfs.record import can_frames
 
-# SRFS_PATIENCE: this machine (an emulated one) is so many times slower than a usual one, and so much longer is waited.
-PATIENCE = int(os.environ.get("SRFS_PATIENCE", "1"))
 # Waits end as soon as what they wait for is there; how long they last at most is for a machine that others use, too.
 READY_DEADLINE_S = 60 * PATIENCE
 UP_DEADLINE_S = 20 * PATIENCE  # without progress of any node; ten times as long in all
-ANSWER_DEADLINE_S = 60 * PATIENCE
-STOP_PATIENCE_S = 5 * PATIENCE  # without the time in which a process waits for a CPU; ten times as long in all
 MOST_ROUNDS = 5  # of ending what was started while its starter was asked to end
-MOST_PATIENCE = 10
-
-
-class MissionError(Exception):
-    """The simulation cannot start or did not end cleanly. The text is ready to print; code is the exit code."""
-
-    def __init__(self, message, code=1):
-        super().__init__(message)
-        self.code = code
-
-
-def run_program(name, main):
-    """Ends this process with what main() returns; a MissionError is one readable line and its own exit code."""
-    try:
-        sys.exit(main())
-    except MissionError as error:
-        print(f"{name}: {error}", file=sys.stderr)
-        sys.exit(error.code)
-
-
-def find_deployment(name):
-    """The file that NAME means: a file, or launch_config/NAME.yaml."""
-    for path in (pathlib.Path(name), ROOT / "launch_config" / f"{name}.yaml"):
-        if path.is_file():
-            return path.resolve()
-    known = ", ".join(sorted(p.stem for p in (ROOT / "launch_config").glob("*.yaml")))
-    raise MissionError(f"no deployment '{name}': expected a file, or one of {known}", code=2)
 
 
 def installed(bin_dir):
@@ -69,109 +35,8 @@ def installed(bin_dir):
     stage = build / "stage"
     with open(build / ".stage.lock", "a") as lock:
         fcntl.flock(lock, fcntl.LOCK_EX)
-        result = subprocess.run(["cmake", "--install", str(build), "--prefix", str(stage)], stdin=subprocess.DEVNULL, capture_output=True, text=True)
-    if result.returncode != 0:
-        raise MissionError(f"cmake --install {build}: {result.stderr.strip()}")
+        output("cmake", "--install", build, "--prefix", stage, timeout_s=600)
     return stage / "bin"
-
-
-def lock_owner(path):
-    """Pid that holds the record lock of a node's lock file, as the kernel reports it; None when no process does."""
-    whole_file = struct.pack("hhqqi4x", fcntl.F_WRLCK, os.SEEK_SET, 0, 0, 0)
-    try:
-        with open(path, "r+b") as file:
-            kind, _, _, _, pid = struct.unpack("hhqqi4x", fcntl.fcntl(file, fcntl.F_GETLK, whole_file))
-    except OSError:
-        return None
-    return None if kind == fcntl.F_UNLCK else pid
-
-
-def is_flocked(path):
-    try:
-        with open(path, "r+b") as file:
-            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except BlockingIOError:
-        return True
-    except OSError:
-        return False
-    return False
-
-
-def command_line(pid):
-    try:
-        return pathlib.Path(f"/proc/{pid}/cmdline").read_bytes().decode(errors="replace").split("\0")
-    except OSError:
-        return []
-
-
-def processes_of(var):
-    """{pid: program} of the simulator and the nodes that run for this VAR folder."""
-    found = {}
-    for entry in pathlib.Path("/proc").iterdir():
-        if not entry.name.isdigit():
-            continue
-        words = command_line(entry.name)
-        program = os.path.basename(words[0]) if words else ""
-        place = words.index("--var") + 1 if "--var" in words else len(words)
-        in_slot = bool(words) and words[0].startswith(f"{var}/versions/")
-        if (program == "hw_sim" or program.endswith("_node") or in_slot) and words[place : place + 1] == [str(var)]:
-            found[int(entry.name)] = program
-    return found
-
-
-def end_processes(pids, patience_s=STOP_PATIENCE_S):
-    """SIGTERM, then SIGKILL for those still there. Returns the pids that needed SIGKILL."""
-    handles = {}
-    for pid in pids:
-        with contextlib.suppress(ProcessLookupError):
-            handles[pid] = os.pidfd_open(pid)
-            signal.pidfd_send_signal(handles[pid], signal.SIGTERM)
-            signal.pidfd_send_signal(handles[pid], signal.SIGCONT)
-    killed = []
-    begin = time.monotonic()
-    for pid, handle in handles.items():
-        if not has_ended(handle, pid, patience_s, begin):
-            killed.append(pid)
-            with contextlib.suppress(ProcessLookupError):
-                signal.pidfd_send_signal(handle, signal.SIGKILL)
-            select.select([handle], [], [], 2)
-        os.close(handle)
-    return killed
-
-
-class Patience:
-    """So many seconds from `begin` on, now unless given. Time in which the process `pid` waits for a CPU does not count, up to MOST_PATIENCE
-    times as long; None: all counts."""
-
-    def __init__(self, seconds, pid=None, begin=None):
-        self.seconds, self.begin, self.waited_s = seconds, time.monotonic() if begin is None else begin, 0.0
-        self._process = None if pid is None else ProcessWait(pid)
-
-    def __enter__(self):
-        return self
-
-    def __exit__(self, *failure):
-        if self._process:
-            self._process.close()
-
-    def elapsed_s(self):
-        return time.monotonic() - self.begin
-
-    def left_s(self):
-        if self._process:
-            self.waited_s += (self._process.read(time.monotonic_ns()) or 0) / 1e9
-        return min(self.seconds + self.waited_s, MOST_PATIENCE * self.seconds) - self.elapsed_s()
-
-
-def has_ended(handle, pid, patience_s, begin):
-    """Waits for the end of a process (a pidfd) that was asked to end at `begin`."""
-    with Patience(patience_s, pid, begin) as patience:
-        while True:
-            left_s = patience.left_s()
-            if select.select([handle], [], [], min(max(left_s, 0), 0.1))[0]:
-                return True
-            if left_s <= 0:
-                return False
 
 
 def memory_folder(var):
@@ -192,165 +57,12 @@ def has_come(var, node):
     return state != 0 and state == desired and process & 0xFFFFFFFF == lock_owner(var / "run" / f"{node}.lock")
 
 
-def wait_until(condition, deadline_s, what, period_s=0.02, pid=None):
-    """Waits until condition() is true and returns its value; MissionError after deadline_s, counted as Patience does for the process `pid`."""
-    with Patience(deadline_s, pid) as patience:
-        while True:
-            value = condition()
-            if value:
-                return value
-            if patience.left_s() < 0:
-                waited_s = patience.waited_s
-                waiting = f"; it waited for a CPU for {waited_s:.0f} s: close other programs and try again" if waited_s > deadline_s / 4 else ""
-                raise MissionError(f"{what}: not within {patience.elapsed_s():.0f} s{waiting}")
-            time.sleep(period_s)
-
-
-def stop_child(process):
-    """Ends a child. Returns whether it ended by itself, or by SIGTERM."""
-    if process.poll() is not None:
-        return True
-    killed = end_processes([process.pid])
-    process.wait()
-    return not killed
-
-
-class Lines:
-    """A child process that prints one JSON object a line; a thread collects them with the time of their arrival."""
-
-    def __init__(self, command, log_path, stdin=None):
-        self.log_path = log_path
-        with open(log_path, "ab") as log:
-            self.process = subprocess.Popen(
-                command, stdin=stdin, stdout=subprocess.PIPE, stderr=log, start_new_session=True, text=True, bufsize=1
-            )
-        self.messages = []  # everything that came, in order; "arrived" is added (time.monotonic)
-        self._news = threading.Condition()
-        self._listeners = []
-        self._thread = threading.Thread(target=self._read, daemon=True)
-        self._thread.start()
-
-    def _read(self):
-        for line in self.process.stdout:
-            try:
-                message = json.loads(line)
-            except ValueError:
-                message = {"type": "garbled", "text": line}
-            message["arrived"] = time.monotonic()
-            with self._news:
-                self.messages.append(message)
-                self._news.notify_all()
-            for listener in self._listeners:
-                listener(message)
-        with self._news:
-            self._news.notify_all()
-
-    def on_message(self, listener):
-        """Calls listener(message) in the reading thread for everything that comes from now on."""
-        self._listeners.append(listener)
-
-    def position(self):
-        with self._news:
-            return len(self.messages)
-
-    def find(self, matches, since=0):
-        """The first message from position `since` on for which matches(message) is true, or None."""
-        with self._news:
-            return next((m for m in self.messages[since:] if matches(m)), None)
-
-    def select(self, matches, since=0):
-        with self._news:
-            return [m for m in self.messages[since:] if matches(m)]
-
-    def wait_for(self, matches, deadline_s, since=0):
-        """As find, waiting for it; None after deadline_s or when the process ended."""
-        end = time.monotonic() + deadline_s
-        looked_at = since
-        with self._news:
-            while True:
-                for message in self.messages[looked_at:]:
-                    if matches(message):
-                        return message
-                looked_at = len(self.messages)
-                left = end - time.monotonic()
-                if left <= 0 or not self._thread.is_alive():
-                    return None
-                self._news.wait(min(left, 0.5))
-
-    def end(self):
-        if self.process.stdin:
-            with contextlib.suppress(OSError):
-                self.process.stdin.close()
-        stop_child(self.process)
-        self._thread.join(2)
-        self.process.stdout.close()
-
-
-class GroundSession(Lines):
-    """`srfs-ground session`: sends command lines, collects everything that the spacecraft says."""
-
-    def __init__(self, mission):
-        command = [mission.program("srfs-ground"), "--port", str(mission.var / "rs422"), "--deployment",
-                   str(mission.deployment), "--json", "session"]  # fmt: skip
-        super().__init__(command, mission.var / "log" / "ground.log", stdin=subprocess.PIPE)
-        self._line = 0
-        self.sent_ns = {}  # line number -> CLOCK_MONOTONIC just before it was written
-
-    def send(self, line):
-        """Writes one command line; returns its number, which everything it causes carries."""
-        self._line += 1
-        self.sent_ns[self._line] = time.monotonic_ns()
-        try:
-            self.process.stdin.write(line + "\n")
-            self.process.stdin.flush()
-        except OSError as error:
-            raise MissionError(f"srfs-ground ended: see {self.log_path}") from error
-        return self._line
-
-    def outcome(self, line, deadline_s):
-        """The final stage of the telecommand of a line, or the error that kept it from being sent; None: neither came."""
-        return self.wait_for(
-            lambda m: m.get("line") == line and (m["type"] == "error" or m["type"] == "tc_stage" and m["final"]), deadline_s
-        )
-
-    def command(self, text, deadline_s=ANSWER_DEADLINE_S):
-        """Sends a line and waits for its outcome."""
-        return self.outcome(self.send(text), deadline_s)
-
-    def housekeeping(self, structure, deadline_s=ANSWER_DEADLINE_S, since=None, matches=lambda fields: True):
-        """The next live packet of a structure whose fields match; None after deadline_s."""
-        since = self.position() if since is None else since
-        return self.wait_for(
-            lambda m: m.get("structure") == structure and m.get("vc") == 0 and matches(m["fields"]), deadline_s, since
-        )
-
-    def fresh(self, structure, deadline_s=ANSWER_DEADLINE_S):
-        """Asks for a structure now, again while that is refused (its node may have to come yet), and returns its fields; None when it did not
-        come."""
-        since = self.position()
-        end = time.monotonic() + deadline_s
-        is_packet = lambda m: m.get("structure") == structure and m.get("vc") == 0  # noqa: E731
-        while True:
-            line = self.send(f"tc housekeeping.one_shot structure={structure}")
-            refused = lambda m, line=line: m.get("line") == line and m["type"] == "tc_stage" and m["final"] and m["stage"] != "completed"  # noqa: E731
-            answer = self.wait_for(lambda m: is_packet(m) or refused(m), end - time.monotonic(), since)
-            if answer and not is_packet(answer):
-                answer = self.wait_for(is_packet, min(0.5, end - time.monotonic()), since)
-            if answer or time.monotonic() > end:
-                return answer["fields"] if answer else None
-
-    def stats(self, deadline_s=ANSWER_DEADLINE_S):
-        since = self.position()
-        self.send("stats")
-        return self.wait_for(lambda m: m["type"] == "stats", deadline_s, since)
-
-
 class Mission:
     """The simulated spacecraft and the suite, up between __enter__ and __exit__."""
 
     def __init__(self, var, deployment="sim", bin_dir="build-release/bin", say=lambda text: None, only=(), insist_s=0, wait_for_all=True):
         self.var = pathlib.Path(var).absolute()
-        self.deployment = find_deployment(deployment)
+        self.deployment = deployments.find(deployment)
         self.simulated = self.deployment  # what hw_sim reads; another file where a real device stands in for one of its own
         self.bin_dir = pathlib.Path(bin_dir).absolute()
         self.say = say
@@ -495,9 +207,8 @@ class Mission:
 
     def _srfs_up(self, *options):
         """(exit code, output, errors) of `srfs up`, which says on its error output, line by line, what it waits for."""
-        command = [self.program("srfs"), "up", *options, "--json", "--deployment", str(self.deployment), "--var", str(self.var)]
         said = []
-        with subprocess.Popen(command, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
+        with subprocess.Popen(self._command("srfs", "up", *options, "--json"), stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
             try:
                 for line in process.stderr:
                     said.append(line)
@@ -511,7 +222,7 @@ class Mission:
     def start_rest(self):
         """`srfs up` that starts what is missing and waits for all nodes, also those that flight does not need, as long as they make
         progress; ended with the mission."""
-        command = [self.program("srfs"), "up", "--all", "--deadline", str(UP_DEADLINE_S), "--deployment", str(self.deployment), "--var", str(self.var)]
+        command = self._command("srfs", "up", "--all", "--deadline", UP_DEADLINE_S)
         with open(self.var / "log" / "up.log", "ab") as log:
             self._rest = subprocess.Popen(command, stdin=subprocess.DEVNULL, stdout=log, stderr=log, start_new_session=True)
         return self._rest
@@ -531,21 +242,26 @@ class Mission:
 
     def srfs(self, *arguments, timeout_s=3 * ANSWER_DEADLINE_S):
         """One run of `srfs` with --json for this deployment and VAR."""
-        return subprocess.run(
-            [self.program("srfs"), *arguments, "--json", "--deployment", str(self.deployment), "--var", str(self.var)],
-            stdin=subprocess.DEVNULL, capture_output=True, text=True, timeout=timeout_s,
-        )  # fmt: skip
+        return subprocess.run(self._command("srfs", *arguments, "--json"), stdin=subprocess.DEVNULL, capture_output=True, text=True, timeout=timeout_s)
+
+    def srfs_json(self, *arguments):
+        """What such a run prints, which must succeed."""
+        return json.loads(output(*self._command("srfs", *arguments, "--json"), timeout_s=3 * ANSWER_DEADLINE_S))
+
+    def _command(self, program, *arguments):
+        return [self.program(program), *map(str, arguments), "--deployment", str(self.deployment), "--var", str(self.var)]
 
     def ground_tool(self, *arguments, timeout_s=60):
         """What one run of srfs-ground prints that needs no line to the spacecraft: packages, keys."""
-        run = subprocess.run([self.program("srfs-ground"), *map(str, arguments)], stdin=subprocess.DEVNULL, capture_output=True, text=True, timeout=timeout_s)
-        if run.returncode != 0:
-            raise MissionError(f"srfs-ground {arguments[0]} {arguments[1]}: {run.stderr.strip()}")
-        return run.stdout
+        return output(self.program("srfs-ground"), *arguments, timeout_s=timeout_s)
 
     def status(self):
         """[{name, state, pid, incarnation, version, restarts, last_restart_cause}] as `srfs status` lists them."""
         return json.loads(self.srfs("status").stdout)
+
+    def versions(self, node):
+        """What `srfs versions` says of a node."""
+        return self.srfs_json("versions", "--node", node)[0]
 
     def restarts(self):
         """How often nodes were restarted since the suite was up. (VAR keeps counting from flight to flight.)"""
@@ -557,13 +273,7 @@ class Mission:
 
     def control(self, request):
         """One request to hw_sim (faults, truth, counters); returns its reply."""
-        result = subprocess.run(
-            [self.program("hw_sim"), "--var", str(self.var), "--control", json.dumps(request)],
-            stdin=subprocess.DEVNULL, capture_output=True, text=True, timeout=ANSWER_DEADLINE_S,
-        )  # fmt: skip
-        if result.returncode != 0:
-            raise MissionError(f"hw_sim --control {json.dumps(request)}: {result.stdout or result.stderr}")
-        return json.loads(result.stdout)
+        return json.loads(output(self.program("hw_sim"), "--var", self.var, "--control", json.dumps(request), timeout_s=ANSWER_DEADLINE_S))
 
     def can_log(self, until_ns=0, deadline_s=5):
         """The lines of the simulated bus' record, once it has come past until_ns; [] when none is kept."""
@@ -591,8 +301,7 @@ class Mission:
 
     def recorder(self):
         """Listens to the nodes' own topics; ended with the mission."""
-        command = [self.program("srfs"), "record", "--deployment", str(self.deployment), "--var", str(self.var)]
-        recorder = Lines(command, self.var / "log" / "record.log")
+        recorder = Lines(self._command("srfs", "record"), self.var / "log" / "record.log")
         self._lines.append(recorder)
         if not recorder.wait_for(lambda m: m["type"] == "recording", ANSWER_DEADLINE_S):
             raise MissionError(f"srfs record does not listen: see {recorder.log_path}")
@@ -625,10 +334,7 @@ class Mission:
         """PSS of each node; None for a node that is not there."""
         memory = {}
         for name in self._watched:
-            memory[name] = None
-            with contextlib.suppress(OSError, StopIteration):
-                lines = pathlib.Path(f"/proc/{self.node_pid(name)}/smaps_rollup").read_text().splitlines()
-                memory[name] = int(next(line for line in lines if line.startswith("Pss:")).split()[1])
+            memory[name] = kib_of(f"/proc/{self.node_pid(name)}/smaps_rollup", "Pss")
         return memory
 
     # --- ending -----------------------------------------------------------------------------------------------------
@@ -702,23 +408,3 @@ class Mission:
             (self.run_dir / "mission.lock").unlink(missing_ok=True)
             self._lock.close()
             self._lock = None
-
-
-class StopSignals:
-    """SIGINT and SIGTERM as something to look at: the first asks for an orderly end."""
-
-    def __init__(self):
-        self._asked = queue.SimpleQueue()
-        self.asked = False
-        for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
-            signal.signal(number, self._on_signal)
-
-    def _on_signal(self, number, frame):
-        self.asked = True
-        self._asked.put(number)
-
-    def wait(self, seconds):
-        """Waits; True as soon as the end was asked for."""
-        with contextlib.suppress(queue.Empty):
-            self._asked.get(timeout=seconds)
-        return self.asked

@@ -7,48 +7,41 @@ Each tick period is flown alone. What is published is stamped by the publisher, 
 
 import bisect
 import json
-import re
 import statistics
-import subprocess
 import tempfile
 import time
 from pathlib import Path
 
-from srfs.flight import mission
+from srfs.flight import deployments, mission
 from srfs.flight.deployments import PAYLOADS
+from srfs.flight.processes import output, wait_until
 from srfs.record import can_frames, timeline
-from srfs.record.rotation import Rotation, percentile
+from srfs.record.rotation import Rotation
+from srfs.report.checks import verdict
+from srfs.report.figures import quantiles
 
 TICK_PERIODS_MS = (1, 10, 100, 1000)
 SHORTEST_FRAME_NS = 131 * 2000  # 8 octets, 29-bit identifier, no stuff bit, 500 kbit/s: when it began at the latest
 SWITCH_GOAL_US = {"p50": 500, "p99": 2000}
 ISOTP_GOAL = 0.95
 PROCESSING_MS = 10  # of a measurement, where parallelism is measured: about twice a slot
-# The path from the tick to the frame, where the deployment has it in real time.
-PRIORITIES = {"timing": 30, "can_switcher": 28, **dict.fromkeys(PAYLOADS, 26)}
 
 
 def deployment(tick_ms, folder, fifo=False, processing_ms=0):
-    """sim.yaml with another tick; fifo: with the nodes of PRIORITIES under SCHED_FIFO; processing_ms: longer processing."""
-    text = mission.find_deployment("sim").read_text()
-
-    def change(pattern, new, expected):
-        nonlocal text
-        text, count = re.subn(pattern, new, text)
-        assert count == expected, (pattern, count)
-
-    change(r"tick_period_ms: \d+", f"tick_period_ms: {tick_ms}", 1)
-    change(r"(sensor_inputs: \[[^]]*\])", rf"\1, processing_time_ms: {processing_ms}", len(PAYLOADS))
-    for node, priority in PRIORITIES.items() if fifo else ():
-        change(rf"(name: {node}\n.*\n    scheduling: )\{{[^}}]*\}}", rf"\1{{ policy: fifo, priority: {priority}, cpus: [] }}", 1)
-    file = Path(folder) / f"tick_{tick_ms}ms.yaml"
-    file.write_text(text)
-    return file
+    """sim with another tick; fifo: the tick's way to the frame under SCHED_FIFO; processing_ms: longer processing."""
+    sim = deployments.read("sim")
+    deployments.node(sim, "timing")["parameters"]["tick_period_ms"] = tick_ms
+    for payload in PAYLOADS:
+        deployments.node(sim, payload)["parameters"]["processing_time_ms"] = processing_ms
+    if fifo:
+        scheduling = deployments.realtime()
+        deployments.scheduled(sim, {node: scheduling[node] for node in ("timing", "can_switcher", *PAYLOADS)})
+    return deployments.write(sim, Path(folder) / f"tick_{tick_ms}ms.yaml")
 
 
 def spread(values_ns):
     """{p50, p99, max} in us."""
-    return {name: round(percentile(values_ns, q) / 1000, 1) if values_ns else None for name, q in (("p50", 0.5), ("p99", 0.99), ("max", 1.0))}
+    return quantiles(values_ns, "p50 p99 max", 1000, 1)
 
 
 def switch_times(slots, ticks, frames):
@@ -56,9 +49,9 @@ def switch_times(slots, ticks, frames):
 
     slots   in order: [{cycle, holder, published}]
     ticks   {cycle: time published}
-    frames  [(time of the end, payload)] in order
+    frames  [(time of the end, payload, ...)] in order
     """
-    times = [at for at, _ in frames]
+    times = [at for at, *_ in frames]
     flag, frame, whole = [], [], []
     for slot, after in zip(slots, slots[1:] + [None]):
         tick = ticks.get(slot["cycle"])
@@ -77,7 +70,7 @@ def fly(bin_dir, tick_ms, duration_s, folder, fifo=False):
         recorder = flight.recorder()
         rotation = Rotation()
         recorder.on_message(rotation.on_message)
-        mission.wait_until(lambda: len(rotation.slots()) == 3, 20, "slots of all payloads")
+        wait_until(lambda: len(rotation.slots()) == 3, 20, "slots of all payloads")
 
         def busy():
             return flight.control({"query": "counters"})["can"]["busy_us"], time.monotonic()
@@ -115,7 +108,7 @@ def watch_work(bin_dir, tick_ms, duration_s, folder):
         line, rotation = timeline.Timeline(PAYLOADS), Rotation()
         recorder.on_message(line.on_message)
         recorder.on_message(rotation.on_message)
-        mission.wait_until(lambda: len(rotation.slots()) == len(PAYLOADS), 20, "slots of all payloads")
+        wait_until(lambda: len(rotation.slots()) == len(PAYLOADS), 20, "slots of all payloads")
         begin = time.monotonic_ns()
         time.sleep(duration_s)
         end = time.monotonic_ns()
@@ -130,7 +123,12 @@ def measure_parallelism(bin_dir, duration_s, folder):
     return {"processing_ms": PROCESSING_MS, "as_run": as_run, "strict_sequence": sequence, "parallelism": timeline.parallelism(as_run, sequence)}
 
 
-def measure(bin_dir, duration_s, say, fifo=False):
+def add_options(parser):
+    parser.add_argument("--slots-for", type=float, default=30, metavar="S", help="bench can: time at each tick period")
+
+
+def measure(bin_dir, options, say):
+    duration_s, fifo = options.slots_for, options.fifo
     rows = []
     with tempfile.TemporaryDirectory(prefix="srfs-bench-can-") as folder:
         for tick_ms in TICK_PERIODS_MS:
@@ -139,10 +137,8 @@ def measure(bin_dir, duration_s, say, fifo=False):
         say("bench can: parallelism of bus and processing")
         parallel = measure_parallelism(bin_dir, duration_s, folder)
     say("bench can: ISO-TP on the paced hub")
-    run = subprocess.run([str(Path(bin_dir) / "bench_can"), "isotp"], stdin=subprocess.DEVNULL, capture_output=True, text=True, timeout=300)
-    if run.returncode != 0:
-        raise mission.MissionError(f"bench_can isotp: {run.stderr.strip()}")
-    return {"rotation": rows, "scheduling": "fifo" if fifo else "other", "parallelism": parallel, "isotp": json.loads(run.stdout)}
+    isotp = json.loads(output(bin_dir / "bench_can", "isotp", timeout_s=300))
+    return {"rotation": rows, "scheduling": "fifo" if fifo else "other", "parallelism": parallel, "isotp": isotp}
 
 
 def is_sound(result):
@@ -166,6 +162,5 @@ def show(result):
           f"of the time; in strict sequence {sequence['slots_per_s']} slots/s and {100 * sequence['bus_utilisation']:.1f} % measured with ticks of {sequence['tick_ms']} ms, "
           f"{run['slots_per_s_sequential']} slots/s and {100 * run['bus_utilisation_sequential']:.1f} % by the sum of {run['slot_ms']} ms slot and {run['processing_ms']} ms processing")  # fmt: skip
     isotp = result["isotp"]
-    verdict = "met" if isotp["ratio"] >= ISOTP_GOAL else "missed"
-    print(f"  ISO-TP: {isotp['payload_octets_per_s']:.0f} of {isotp['ideal_octets_per_s']:.0f} octets/s, ratio {isotp['ratio']:.3f} (goal {ISOTP_GOAL}: {verdict}), "
+    print(f"  ISO-TP: {isotp['payload_octets_per_s']:.0f} of {isotp['ideal_octets_per_s']:.0f} octets/s, ratio {isotp['ratio']:.3f} (goal {ISOTP_GOAL}: {verdict(isotp['ratio'] >= ISOTP_GOAL)}), "
           f"stuff bits {100 * isotp['stuff_share']:.1f} %, {isotp['messages']} messages, {isotp['failed']} failed")  # fmt: skip

@@ -16,7 +16,8 @@ import time
 from collections import defaultdict
 from pathlib import Path
 
-from srfs.flight import mission
+from srfs.program import MissionError
+from srfs.report.figures import percentile, quantiles
 
 SNR_BINS = ((6, 8), (8, 15), (15, 40), (40, 100), (100, 3000))
 PEER_SHARE = Path("/usr/share/source-extractor")
@@ -50,6 +51,10 @@ def match(truth, found, radius):
                 pairs[t] = f
                 break
     return pairs
+
+
+def rms(values):
+    return math.sqrt(sum(v * v for v in values) / len(values))
 
 
 class StarScore:
@@ -89,9 +94,9 @@ class StarScore:
             bins[f"{b[0]}-{b[1]}"] = {
                 "stars": self.of[b],
                 "completeness": round(self.hit[b] / self.of[b], 4) if self.of[b] else None,
-                "rms_over_limit": round(math.sqrt(sum(v * v for v in e) / len(e)), 3) if e else None,
+                "rms_over_limit": round(rms(e), 3) if e else None,
                 # A blend or an outlier decides the rms; this is the core.
-                "core_over_limit": round(sorted(abs(v) for v in e)[len(e) * 68 // 100], 3) if e else None,
+                "core_over_limit": round(percentile([abs(v) for v in e], 0.68), 3) if e else None,
             }
         return {"bins": bins, "found": self.found, "purity": round(self.real / self.found, 4) if self.found else None}
 
@@ -134,11 +139,20 @@ class StreakScore:
 
     def result(self):
         def spread(values):
-            values = sorted(values)
-            return {"p50": round(values[len(values) // 2], 3), "p90": round(values[len(values) * 9 // 10], 3), "rms": round(math.sqrt(sum(v * v for v in values) / len(values)), 3)} if values else None
+            return {**quantiles(values, "p50 p90", digits=3), "rms": round(rms(values), 3)} if values else None
 
         return {"streaks": self.of, "recall": round(self.hit / self.of, 4) if self.of else None, "frames": self.frames, "false_per_frame": round(self.wrong / self.frames, 4) if self.frames else None,
                 "cross_track_px": spread(self.cross), "angle_deg": spread(self.angle), "length_px": spread(self.length), "missed": self.missed[:20]}  # fmt: skip
+
+
+def middles(mover):
+    return [((p["x1"] + p["x2"]) / 2, (p["y1"] + p["y2"]) / 2) for p in mover["points"]]
+
+
+def hits_of(truth, mover, tracklet):
+    """Points of a tracklet that lie where the object was."""
+    places, near = middles(mover), max(2.0, truth["fwhm"], mover["trail"] / 3)
+    return sum(1 for p in tracklet["points"] if math.dist((p["x"], p["y"]), places[p["frame"]]) < near)
 
 
 class TrackletScore:
@@ -158,14 +172,14 @@ class TrackletScore:
         self.sequences += 1
         taken = set()
         for mover in truth["movers"]:
-            places = [((p["x1"] + p["x2"]) / 2, (p["y1"] + p["y2"]) / 2) for p in mover["points"]]
+            places = middles(mover)
             inside = [0 < x < truth["width"] - 1 and 0 < y < truth["height"] - 1 for x, y in places]
             if sum(inside) < 5:
                 continue
             name = "streaks" if mover["trail"] >= 10 else next(f"{low:g}-{high:g}" for low, high in self.BINS if low <= mover["snr"] < high)
             self.of[name] += 1
             for i, tracklet in enumerate(found["tracklets"]):
-                hits = sum(1 for p in tracklet["points"] if math.dist((p["x"], p["y"]), places[p["frame"]]) < max(2.0, truth["fwhm"], mover["trail"] / 3))
+                hits = hits_of(truth, mover, tracklet)
                 if i not in taken and hits >= 5 and 2 * hits > len(tracklet["points"]):
                     self.hit[name] += 1
                     taken.add(i)
@@ -174,7 +188,7 @@ class TrackletScore:
                 self.missed.append({"sequence": truth["file"], "snr": round(mover["snr"], 2), "trail": round(mover["trail"], 2), "x": round(places[0][0]), "y": round(places[0][1]), "inside": sum(inside)})
         self.found += len(found["tracklets"])
         # What follows an object that leaves the frame too soon is none of the goal, but real.
-        self.wrong += sum(1 for i, t in enumerate(found["tracklets"]) if i not in taken and not self.follows_any(truth, t))
+        self.wrong += sum(1 for i, t in enumerate(found["tracklets"]) if i not in taken and not any(2 * hits_of(truth, mover, t) > len(t["points"]) for mover in truth["movers"]))
         self.measure_registration(truth, found["frames"])
         for k in range(len(truth["frames"])):
             streaks = [{**m["points"][k], "snr": m["snr"]} for m in truth["movers"] if m["trail"] >= 10]
@@ -183,15 +197,6 @@ class TrackletScore:
             found_here = [s for s in found["streaks"] if s["frame"] == k]
             partly = [s for s in streaks if s not in whole]
             self.streaks.add({"streaks": whole, "file": f"{truth['file']}:{k}"}, [f for f in found_here if not any(covered(p, f) > 0.2 for p in partly)])
-
-    @staticmethod
-    def follows_any(truth, tracklet):
-        for mover in truth["movers"]:
-            places = [((p["x1"] + p["x2"]) / 2, (p["y1"] + p["y2"]) / 2) for p in mover["points"]]
-            hits = sum(1 for p in tracklet["points"] if math.dist((p["x"], p["y"]), places[p["frame"]]) < max(2.0, truth["fwhm"], mover["trail"] / 3))
-            if 2 * hits > len(tracklet["points"]):
-                return True
-        return False
 
     def measure_registration(self, truth, frames):
         """Where each frame's corners and middle lie in the first one's pixels, beside the truth."""
@@ -254,7 +259,7 @@ def run_timed(command, **options):
         out.seek(0)
         problem.seek(0)
         if process.returncode != 0:
-            raise mission.MissionError(f"{command[0]}: {problem.read().decode(errors='replace').strip()[-500:]}")
+            raise MissionError(f"{command[0]}: {problem.read().decode(errors='replace').strip()[-500:]}")
         return used.ru_utime + used.ru_stime, out.read().decode()
 
 
@@ -350,8 +355,8 @@ def measure_plates(bin_dir, frames):
         errors.append(error)
         rolls.append(abs((solution["roll_deg"] - wanted["roll_deg"] + 180) % 360 - 180))
     n = len(frames)
-    return {"frames": n, "solved": round(len(errors) / n, 4), "wrong": wrong, "arcsec": {"p50": round(sorted(errors)[len(errors) // 2], 2), "max": round(max(errors), 2)} if errors else None,
-            "roll_deg_max": round(max(rolls), 4) if rolls else None, "ms_after_centroids": {"p50": round(sorted(extra)[n // 2], 1), "max": round(max(extra), 1)}, "unsolved": unsolved[:20]}  # fmt: skip
+    return {"frames": n, "solved": round(len(errors) / n, 4), "wrong": wrong, "arcsec": quantiles(errors, "p50 max", digits=2) if errors else None,
+            "roll_deg_max": round(max(rolls), 4) if rolls else None, "ms_after_centroids": quantiles(extra, "p50 max", digits=1), "unsolved": unsolved[:20]}  # fmt: skip
 
 
 def apart_deg(a, b):

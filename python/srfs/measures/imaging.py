@@ -15,8 +15,11 @@ from pathlib import Path
 
 from srfs import ROOT
 from srfs.flight import deployments, mission
-from srfs.measures.can import PRIORITIES, spread
+from srfs.flight.processes import wait_until
+from srfs.measures.can import spread
+from srfs.program import MissionError
 from srfs.record.rotation import Rotation
+from srfs.report.checks import verdict
 
 FRAMES = 25  # of a task
 INTERVAL_MS = 200
@@ -27,27 +30,11 @@ PROCESSING_STEP = 101
 RATIO_GOALS = {"accept_us": 2, "tick_late_us": 1.3, "flag_us": 1.3}  # p99 beside a load over p99 without
 LOADS = ("idle", "imaging", "building")
 UPDATE_S = 120
-REALTIME = {**PRIORITIES, "ttc": 20}
-
-
-def scheduled(deployment, scheduling):
-    """A deployment with other values of `scheduling`: {node: mapping}."""
-    nodes = {node["name"]: node for node in deployment["nodes"]}
-    for name, value in scheduling.items():
-        if name not in nodes:
-            raise mission.MissionError(f"the deployment has no node '{name}'", code=2)
-        nodes[name]["scheduling"] = value
-    return deployment
-
-
-def realtime():
-    """{node: scheduling}: housekeeping as on a board."""
-    return {node: {"policy": "fifo", "priority": priority, "cpus": []} for node, priority in REALTIME.items()}
 
 
 def deployment(folder, fifo):
-    sim = deployments.read(mission.find_deployment("sim"))
-    return deployments.write(scheduled(sim, realtime()) if fifo else sim, Path(folder) / "imaging.yaml")
+    sim = deployments.read("sim")
+    return deployments.write(deployments.scheduled(sim, deployments.realtime()) if fifo else sim, Path(folder) / "imaging.yaml")
 
 
 def begin_imaging(ground, frames=FRAMES):
@@ -55,7 +42,7 @@ def begin_imaging(ground, frames=FRAMES):
     lines = [ground.send(f"tc image.capture task={task} exposure_us=50000 frames={frames} interval_ms={INTERVAL_MS} method=streak") for task in range(1, TASKS + 1)]
     first = ground.wait_for(lambda m: m["type"] == "tc_stage" and m["line"] == lines[0] and (m["final"] or m.get("step", 0) >= PROCESSING_STEP), READY_S)
     if first is None or first["final"]:
-        raise mission.MissionError(f"imaging does not begin: {first}")
+        raise MissionError(f"imaging does not begin: {first}")
 
 
 class Building:
@@ -86,7 +73,7 @@ class Building:
                                 "--probation", 60, "--key", self.flight.var / "ground" / "package_test.seed", "-o", files / f"{counter}.pkg")  # fmt: skip
         outcome = self.ground.command(f"tc package.install file={counter}.pkg", UPDATE_S)
         if (outcome or {}).get("stage") != "completed":
-            raise mission.MissionError(f"package.install: {outcome}")
+            raise MissionError(f"package.install: {outcome}")
 
     def _run(self):
         for counter in range(2, 100):
@@ -102,7 +89,7 @@ def fly(bin_dir, folder, name, duration_s, fifo):
         recorder, rotation = flight.recorder(), Rotation()
         recorder.on_message(rotation.on_message)
         ground = flight.ground()
-        mission.wait_until(lambda: len(rotation.slots()) == 3, READY_S, "slots of all payloads")
+        wait_until(lambda: len(rotation.slots()) == 3, READY_S, "slots of all payloads")
         if name == "imaging":
             begin_imaging(ground)
         building = load.enter_context(Building(flight, ground)) if name == "building" else None
@@ -141,6 +128,10 @@ def frames(var):
     return {"captured": len(list(folder.glob("*/*.fits"))), "processed": sum(len(list(folder.glob(f"*/*.{mark}"))) for mark in ("detected", "nothing"))}
 
 
+def add_options(parser):
+    parser.add_argument("--imaging-for", type=float, default=60, metavar="S", help="bench imaging: time of each of its three flights, at most 70")
+
+
 def measure(bin_dir, options, say):
     result = {"scheduling": "fifo" if options.fifo else "other"}
     programs = mission.installed(bin_dir)  # what compiles on board needs headers and libraries
@@ -167,7 +158,3 @@ def show(result):
         judged = [f"{key} {ratio} ({verdict(ratio <= RATIO_GOALS[key])}, goal {RATIO_GOALS[key]})" for key, ratio in result[f"ratio_p99_{name}"].items()]
         lost = result[name]["slots_lost"]
         print(f"  p99 while {name} over idle: {', '.join(judged)}; slots lost {lost} ({verdict(lost == 0)})")
-
-
-def verdict(met):
-    return "met" if met else "missed"

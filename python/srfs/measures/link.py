@@ -8,16 +8,15 @@ coding: the data fields of its CADUs, back to back.
 """
 
 import json
-import os
 import re
 import signal
-import subprocess
 import tempfile
 import time
 from pathlib import Path
 
-from srfs.flight import mission
-from srfs.record.rotation import percentile
+from srfs.flight import deployments, mission
+from srfs.flight.processes import output, send_signal
+from srfs.report.figures import quantiles
 
 BAUDS = (921600, 115200)
 FRAME, CADU, DATA_FIELD = 223, 259, 211  # octets at interleave 1: frame; marker, frame and parity; without header, OCF and FECF
@@ -45,12 +44,10 @@ LEAST_S = BAD_FILE_OCTETS / (capacity(BAD_FILE_BAUD) * (1 - FRAME_LOSS))
 
 
 def deployment(baud, folder):
-    """sim.yaml with another line rate."""
-    text, count = re.subn(r"baud: \d+", f"baud: {baud}", mission.find_deployment("sim").read_text())
-    assert count == 1
-    file = Path(folder) / f"baud_{baud}.yaml"
-    file.write_text(text)
-    return file
+    """sim with another line rate."""
+    sim = deployments.read("sim")
+    sim["link"]["baud"] = baud
+    return deployments.write(sim, Path(folder) / f"baud_{baud}.yaml")
 
 
 def written_octets(pids):
@@ -114,7 +111,7 @@ def retrieval(bin_dir, baud, duration_s):
     packets = int(capacity(baud) * duration_s / PACKET_OCTETS)
     with tempfile.TemporaryDirectory(prefix="srfs-bench-") as folder:
         store = Path(folder) / "var" / "store" / "housekeeping"
-        subprocess.run([bin_dir / "bench_link", "fill", store, "--packets", str(packets)], check=True, stdout=subprocess.DEVNULL)
+        output(bin_dir / "bench_link", "fill", store, "--packets", packets)
         with mission.Mission(f"{folder}/var", deployment(baud, folder), bin_dir) as flight:
             ground = flight.ground()
             ground.command("ping", 10)
@@ -176,7 +173,7 @@ def bad_file(bin_dir, deaths_max, loss):
         while time.monotonic() < begin + 20 * LEAST_S and not (received.is_file() and received.read_bytes() == content):
             if deaths < deaths_max and time.monotonic() > begin + (deaths + 1) * LEAST_S / (deaths_max + 1):
                 deaths += 1
-                os.kill(flight.node_pid("ttc"), signal.SIGKILL)
+                send_signal(flight.node_pid("ttc"), signal.SIGKILL)
                 ground.process.kill()
                 ground.process.wait()
                 ground = flight.ground()
@@ -221,7 +218,7 @@ def telecommands(bin_dir, rate, duration_s):
     return {
         "rate_per_s": round(len(lines) / took, 1), "sent": len(lines), "completed": completed, "last": ends[0] and ends[0].get("stage"),
         "acceptance_us": {q: ttc.get(f"acceptance_latency_{q}_us") for q in ("p50", "p99", "max")},
-        "round_trip_ms": {"p50": percentile(round_trips, 0.5), "p99": percentile(round_trips, 0.99), "max": max(round_trips, default=None)},
+        "round_trip_ms": quantiles(round_trips),
     }  # fmt: skip
 
 
@@ -229,7 +226,7 @@ def measure(bin_dir, options, say):
     results = {}
 
     def program(*arguments):
-        return json.loads(subprocess.run([bin_dir / "bench_link", *arguments], check=True, capture_output=True, text=True).stdout)
+        return json.loads(output(bin_dir / "bench_link", *arguments, timeout_s=None))
 
     if "codecs" in options.link_parts:
         say("link: codecs compared with libfec")

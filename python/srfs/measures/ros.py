@@ -7,46 +7,23 @@ import datetime
 import json
 import os
 import pathlib
-import platform
-import re
-import shutil
 import signal
 import subprocess
 
-from srfs.flight import mission
+from srfs.flight.load import stress_ng
+from srfs.flight.machine import RT_PRIORITY, load_average, machine, may_be_real_time
+from srfs.program import MissingProgram, MissionError
 from srfs.report.display import table
+from srfs.report.files import pyplot, save
 
-RT_PRIORITY = 50  # as a deployment gives it to timing
 MIB = 1 << 20
-
-
-# --- the machine -----------------------------------------------------------------------------------------------------
-
-def read(path):
-    try:
-        return pathlib.Path(path).read_text().strip()
-    except OSError:
-        return None
-
-
-def machine():
-    """What the figures depend on."""
-    model = re.search(r"^model name\s*:\s*(.*)$", read("/proc/cpuinfo") or "", re.M)
-    return {"cpus": os.cpu_count(), "cpu": model[1] if model else platform.machine(), "kernel": platform.release(),
-            "virtual": "hypervisor" in (read("/proc/cpuinfo") or ""),
-            "governor": read("/sys/devices/system/cpu/cpu0/cpufreq/scaling_governor"),
-            "rmem_max": int(read("/proc/sys/net/core/rmem_max") or 0)}
-
-
-def load():
-    return [round(x, 2) for x in os.getloadavg()]
 
 
 # --- measuring -------------------------------------------------------------------------------------------------------
 
 def bench_ros(bin_dir, *arguments, timeout=300):
     """One subject. What it started ends with it, also when this is interrupted. The load is the machine's just before."""
-    before = load()
+    before = load_average()
     command = [str(bin_dir / "bench_ros"), *map(str, arguments)]
     with subprocess.Popen(command, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
                           start_new_session=True) as run:
@@ -57,32 +34,19 @@ def bench_ros(bin_dir, *arguments, timeout=300):
                 os.killpg(run.pid, signal.SIGKILL)
             raise
     if run.returncode != 0:
-        raise mission.MissionError(f"bench_ros {arguments[0]}: {err.strip()}")
-    return {**json.loads(out), "command": " ".join(["bench_ros", *map(str, arguments)]), "load_before": before, "load_after": load()}
-
-
-def may_be_real_time():
-    try:
-        before = os.sched_getscheduler(0), os.sched_getparam(0)
-        os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(RT_PRIORITY))
-        os.sched_setscheduler(0, *before)
-        return True
-    except PermissionError:
-        return False
+        raise MissionError(f"bench_ros {arguments[0]}: {err.strip()}")
+    return {**json.loads(out), "command": " ".join(["bench_ros", *map(str, arguments)]), "load_before": before, "load_after": load_average()}
 
 
 def under_stress(bin_dir, options):
     """64 octets with every CPU busy, both ends real-time."""
-    if shutil.which("stress-ng") is None:
-        return {"skipped": "stress-ng is missing (apt-get install stress-ng)"}
     if not may_be_real_time():
         return {"skipped": "this process may not use SCHED_FIFO (root or CAP_SYS_NICE)"}
-    with subprocess.Popen(["stress-ng", "--cpu", str(os.cpu_count()), "--quiet"], stdin=subprocess.DEVNULL,
-                          stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, start_new_session=True) as stress:
-        try:
+    try:
+        with stress_ng(f"--cpu {os.cpu_count()}"):
             return bench_ros(bin_dir, "latency", "--rounds", options.rounds, "--fifo", RT_PRIORITY)
-        finally:
-            os.killpg(stress.pid, signal.SIGTERM)
+    except MissingProgram as why:
+        return {"skipped": str(why)}
 
 
 MEASURES = {
@@ -109,7 +73,7 @@ def add_options(parser):
 
 
 def measure(bin_dir, options, say):
-    results = {"time": datetime.datetime.now(datetime.timezone.utc).isoformat(timespec="seconds"), "machine": machine(), "load": load(),
+    results = {"time": datetime.datetime.now(datetime.timezone.utc).isoformat(timespec="seconds"), "machine": machine(), "load": load_average(),
                "measures": {}}
     for name, run in MEASURES.items():
         if options.only and name not in options.only:
@@ -117,6 +81,8 @@ def measure(bin_dir, options, say):
         say(f"measuring {name}")
         results["measures"][name] = run(bin_dir, options)
     results["verdicts"] = verdicts(results["measures"])
+    if options.out:
+        write(results, options.out, say)
     return results
 
 
@@ -288,21 +254,16 @@ def panels(measures):
 
 
 def draw(results, out):
-    """ros.svg and ros.png. @return why not, or None"""
-    try:
-        import matplotlib
-        matplotlib.use("Agg")
-        from matplotlib import pyplot
-    except ImportError:
-        return "python3-matplotlib is missing: no drawing"
+    """ros.svg and ros.png."""
+    plots = pyplot()
     charts = list(panels(results["measures"]))
     with_memory = "cycles" in results["measures"]
     count = len(charts) + with_memory
     if count == 0:
-        return None
+        return
     columns = min(3, count)
     lines = -(-count // columns)
-    figure, axes = pyplot.subplots(lines, columns, figsize=(4.2 * columns, 3 * lines), squeeze=False)
+    figure, axes = plots.subplots(lines, columns, figsize=(4.2 * columns, 3 * lines), squeeze=False)
     axes = list(axes.flat)
     for axis, chart in zip(axes, charts):
         bars(axis, *chart)
@@ -319,13 +280,13 @@ def draw(results, out):
         axis.axis("off")
     m = results["machine"]
     figure.suptitle(f"lib/ros beside raw Fast DDS, {results['time']}, {m['cpus']} CPUs, Linux {m['kernel']}, load {results['load'][0]}", fontsize=10)
-    figure.tight_layout()
-    for kind in ("svg", "png"):
-        figure.savefig(out / f"ros.{kind}", dpi=110)
-    return None
+    save(figure, out, "ros", 110)
 
 
-def write(results, out):
+def write(results, out, say):
     out.mkdir(parents=True, exist_ok=True)
     (out / "ros.json").write_text(json.dumps(results, indent=1) + "\n")
-    return draw(results, out)
+    try:
+        draw(results, out)
+    except ImportError:
+        say("bench: python3-matplotlib is missing: no drawing")

@@ -3,7 +3,8 @@
 """./run bench time: the time discipline on the simulated receiver, in simulated time; the worst of all seeds."""
 
 import json
-import subprocess
+
+from srfs.flight.processes import output
 
 RMS_GOAL_US, HOLDOVER_GOAL_US, INTERVAL_GOAL_PERCENT = 2.0, 1000.0, 1.0
 COLUMNS = (
@@ -12,9 +13,12 @@ COLUMNS = (
 )  # fmt: skip
 
 
-def measure(bin_dir, seeds):
-    said = subprocess.run([bin_dir / "bench_time", "--seeds", str(seeds)], capture_output=True, text=True, check=True)
-    return json.loads(said.stdout)
+def add_options(parser):
+    parser.add_argument("--seeds", type=int, default=20, metavar="N", help="bench time: number of seeds")
+
+
+def measure(bin_dir, options, say):
+    return json.loads(output(bin_dir / "bench_time", "--seeds", options.seeds, timeout_s=None))
 
 
 def show(cases):

@@ -18,6 +18,7 @@ from pathlib import Path
 
 from srfs import ROOT
 from srfs.flight import mission
+from srfs.program import MissionError, run_program
 
 COLUMNS, FONT_PX, LINE_PX, MARGIN_PX = 124, 12, 17, 16
 CHARACTER_PX = 0.6 * FONT_PX  # of a monospace font
@@ -47,7 +48,7 @@ def fly(bin_dir, folder):
                                        stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)  # fmt: skip
             lines = [(time.monotonic() - begin, line.rstrip("\n")) for line in process.stdout]
             if process.wait():
-                raise mission.MissionError(f"{command}: {lines}")
+                raise MissionError(f"{command}: {lines}")
             if len(lines) > first + last:
                 lines = lines[:first] + [(lines[-last][0], "    ...")] * bool(last) + lines[len(lines) - last :]
             shown += [(now + after, "output", fitted(line)) for after, line in lines]
@@ -101,4 +102,4 @@ def main():
 
 
 if __name__ == "__main__":
-    mission.run_program("pictures.flight", main)
+    run_program("pictures.flight", main)

@@ -14,6 +14,7 @@ from pathlib import Path
 
 from srfs import ROOT
 from srfs.flight import mission
+from srfs.program import MissionError, run_program
 
 POINTING = "pointing: {ra_deg: 84.05, dec_deg: -2.5, roll_deg: 12}, fwhm_px: 3, debris: {magnitude: 5.5, rate_deg_s: 1.2}"
 TASK = 1
@@ -31,7 +32,7 @@ def frames_of_a_flight(bin_dir, folder):
         flight.control({"camera": {"pass": True}})
         outcome = flight.ground().command(ORDER, DEADLINE_S) or {}
         if outcome.get("stage") != "completed":
-            raise mission.MissionError(f"no picture: {outcome}")
+            raise MissionError(f"no picture: {outcome}")
         return sorted((flight.var / "images/frames" / f"{TASK:010}").glob("*.fits"))
 
 
@@ -49,4 +50,4 @@ def main():
 
 
 if __name__ == "__main__":
-    mission.run_program("pictures.imaging", main)
+    run_program("pictures.imaging", main)

@@ -9,15 +9,15 @@ command's request is an ISO-TP message whose first frame carries the low 32 bits
 
 import bisect
 import re
+from typing import NamedTuple
 
 # A telecommand read this long before a slot begins must run in that slot: the bound for its acceptance on board.
 ACCEPTANCE_NS = 20_000_000
 
 PAYLOAD_OF_ADDRESS = {"11": "payload_adcs", "12": "payload_eps", "13": "payload_thermal"}
-# computer 01 -> peripheral: first frame "1LLL", opcode 02, sequence, id (4 octets)
-COMMAND_FRAME = re.compile(r"^\((\d+)\.(\d{6})\) \S+ 18DA(11|12|13)01#1[0-9A-F]{3}02[0-9A-F]{2}([0-9A-F]{8})$")
-# computer 01 -> peripheral: any frame
-COMPUTER_FRAME = re.compile(r"^\((\d+)\.(\d{6})\) \S+ 18DA(11|12|13)01#")
+# computer 01 -> peripheral
+COMPUTER_FRAME = re.compile(r"^\((\d+)\.(\d{6})\) \S+ 18DA(11|12|13)01#(.*)$")
+COMMAND = re.compile(r"1[0-9A-F]{3}02[0-9A-F]{2}([0-9A-F]{8})$")  # first frame "1LLL", opcode 02, sequence, id (4 octets)
 ANY_FRAME = re.compile(r"^\((\d+)\.(\d{6})\) ")
 
 
@@ -25,20 +25,29 @@ def _ns(match):
     return int(match[1]) * 1_000_000_000 + int(match[2]) * 1000
 
 
-def command_frames(lines):
-    """{(payload, low 32 bits of the id): [times in ns]} of the commands that were on the bus; repeats in order."""
-    frames = {}
-    for line in lines:
-        match = COMMAND_FRAME.match(line.rstrip())
-        if match:
-            frames.setdefault((PAYLOAD_OF_ADDRESS[match[3]], int(match[4], 16)), []).append(_ns(match))
-    return frames
+class Frame(NamedTuple):
+    at: int  # end of the frame on the bus, in ns
+    payload: str  # payload addressed by the computer; its process sent the frame
+    data: str
+
+    @property
+    def is_reset(self):
+        return len(self.data) >= 4 and self.data[0] == "0" and self.data[2:4] == "03"
 
 
 def computer_frames(lines):
-    """[(time in ns, payload)] of all frames that payload nodes sent, in order."""
-    matches = filter(None, map(COMPUTER_FRAME.match, lines))
-    return [(_ns(match), PAYLOAD_OF_ADDRESS[match[3]]) for match in matches]
+    """The frames that payload nodes sent, in order."""
+    matches = filter(None, (COMPUTER_FRAME.match(line.rstrip()) for line in lines))
+    return [Frame(_ns(match), PAYLOAD_OF_ADDRESS[match[3]], match[4]) for match in matches]
+
+
+def command_frames(lines):
+    """{(payload, low 32 bits of the id): [times in ns]} of the commands that were on the bus; repeats in order."""
+    found = {}
+    for frame in computer_frames(lines):
+        if command := COMMAND.match(frame.data):
+            found.setdefault((frame.payload, int(command[1], 16)), []).append(frame.at)
+    return found
 
 
 def judge_slots(frames, slots, clock_error_ns=0):
@@ -51,7 +60,7 @@ def judge_slots(frames, slots, clock_error_ns=0):
     """
     starts = [slot["published"] for slot in slots]
     good, wrong = 0, []
-    for at, payload in frames:
+    for at, payload, *_ in frames:
         place = bisect.bisect_right(starts, at + clock_error_ns) - 1
         if place < 0 or place + 1 == len(slots) or slots[place]["holder"] is None:
             continue

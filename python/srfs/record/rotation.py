@@ -7,14 +7,6 @@ step under the interpreter lock).
 """
 
 
-def percentile(values, q):
-    """The q-quantile (0 to 1) of values, None without values."""
-    if not values:
-        return None
-    ordered = sorted(values)
-    return ordered[min(len(ordered) - 1, int(q * len(ordered)))]
-
-
 class Rotation:
     """Collects ticks, task flags, bus status, telecommands and reports. All times are CLOCK_MONOTONIC in ns."""
 

@@ -7,7 +7,8 @@ All times are CLOCK_MONOTONIC in ns. A state lasts from its message to the next 
 
 import dataclasses
 
-from srfs.record.rotation import percentile
+from srfs.report.checks import check
+from srfs.report.figures import percentile
 
 OFF, OCCUPYING, PROCESSING, ASYNC = "off", "occupying_can", "data_processing", "other_async_command"
 STATES = (OFF, OCCUPYING, PROCESSING, ASYNC)  # as the paper lists them, lowest in the drawing first
@@ -74,10 +75,6 @@ class Timeline:
 
 def of_state(intervals, state, payload=None):
     return [i for i in intervals if i.state == state and payload in (None, i.payload)]
-
-
-def check(good, what):
-    return {"ok": bool(good), "what": what}
 
 
 def starts_off(intervals, payloads):

@@ -12,6 +12,7 @@ import time
 import unittest
 
 from srfs.experiments import fig12
+from srfs.flight import machine
 
 SAID = """# /dev/cpu_dma_latency set to 0us
 # Histogram
@@ -70,15 +71,15 @@ class JudgementTest(unittest.TestCase):
 
 class PreemptionTest(unittest.TestCase):
     def test_a_realtime_kernel_says_so_itself(self):
-        self.assertEqual(fig12.preemption("#1 SMP PREEMPT_RT Debian 6.1", None, None, None, None), "PREEMPT_RT")
-        self.assertEqual(fig12.preemption("#1 SMP PREEMPT RT", "1", None, None, None), "PREEMPT_RT")
+        self.assertEqual(machine.preemption("#1 SMP PREEMPT_RT Debian 6.1", None, None, None, None), "PREEMPT_RT")
+        self.assertEqual(machine.preemption("#1 SMP PREEMPT RT", "1", None, None, None), "PREEMPT_RT")
 
     def test_the_dynamic_mode_is_that_of_now_then_of_the_command_line_then_of_the_configuration(self):
         version, configuration = "#1 SMP PREEMPT_DYNAMIC Debian 6.1", "CONFIG_PREEMPT_BUILD=y\nCONFIG_PREEMPT_NONE=y\n"
-        self.assertEqual(fig12.preemption(version, None, "none voluntary (full)", configuration, "preempt=voluntary"), "PREEMPT_DYNAMIC (full)")
-        self.assertEqual(fig12.preemption(version, None, None, configuration, "quiet preempt=voluntary"), "PREEMPT_DYNAMIC (voluntary)")
-        self.assertEqual(fig12.preemption(version, None, None, configuration, "quiet"), "PREEMPT_DYNAMIC (none)")
-        self.assertEqual(fig12.preemption(version, None, None, None, None), "PREEMPT_DYNAMIC (mode unknown)")
+        self.assertEqual(machine.preemption(version, None, "none voluntary (full)", configuration, "preempt=voluntary"), "PREEMPT_DYNAMIC (full)")
+        self.assertEqual(machine.preemption(version, None, None, configuration, "quiet preempt=voluntary"), "PREEMPT_DYNAMIC (voluntary)")
+        self.assertEqual(machine.preemption(version, None, None, configuration, "quiet"), "PREEMPT_DYNAMIC (none)")
+        self.assertEqual(machine.preemption(version, None, None, None, None), "PREEMPT_DYNAMIC (mode unknown)")
 
 
 class LockedFrequencyTest(unittest.TestCase):

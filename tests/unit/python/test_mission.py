@@ -9,6 +9,7 @@ import time
 import unittest
 
 from srfs.flight import mission
+from srfs.flight.processes import command_line, end_processes, processes_of, wait_until
 
 # A node that gets SIGTERM while it restarts others: each starts another one, LEFT times.
 NODE = """#!/bin/sh
@@ -30,18 +31,18 @@ class EndTest(unittest.TestCase):
         self.node.write_text(NODE)
         self.node.chmod(0o755)
         self.flight = mission.Mission(self.var, "sim")
-        self.addCleanup(lambda: mission.end_processes(mission.processes_of(self.var)))
+        self.addCleanup(lambda: end_processes(processes_of(self.var)))
 
     def start_node(self, left):
         ready = self.var / "log/ready"
         os.posix_spawn("/bin/sh", ["/bin/sh", str(self.node), "--var", str(self.var), "--name", "eps", str(left)], os.environ, setsid=True)
-        mission.wait_until(ready.exists, 20, "the node runs")
+        wait_until(ready.exists, 20, "the node runs")
 
     def running(self):
         """{pid: program} of the nodes. They are scripts, so the word after the interpreter identifies them."""
         found = {}
         for entry in pathlib.Path("/proc").glob("[0-9]*"):
-            words = mission.command_line(entry.name)
+            words = command_line(entry.name)
             if len(words) > 1 and words[1] == str(self.node):
                 found[int(entry.name)] = "eps_node"
         return found
