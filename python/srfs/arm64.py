@@ -19,11 +19,10 @@ import sys
 import tempfile
 import time
 
-import yaml
-
 from srfs import ROOT
 from srfs.flight import deployments, mission
 from srfs.flight.processes import wait_until
+from srfs.program import MissionError
 
 EMULATOR = "qemu-aarch64-static"
 NODES = ("timing", "can_switcher", "payload_eps")
@@ -32,7 +31,7 @@ WAKE_UP = "18DA1201#0401"  # a single frame to the EPS: request 01 (docs/referen
 WANTED = 5  # slots in which it was sent
 
 
-def deployment_text():
+def emulated():
     """vcan.yaml, whose times fit an emulated processor, on the simulated bus, with three of its nodes."""
     deployment = deployments.read("vcan")
     deployment["devices"]["can"] = "sim:run/can_hub.sock"
@@ -40,7 +39,7 @@ def deployment_text():
     deployment["slots"] = [slot for slot in deployment["slots"] if slot["payload"] in NODES]
     deployment["dds"]["domain"] = 0  # a namespace of its own
     deployment["simulation"]["can_log"] = "log/can.log"
-    return yaml.safe_dump(deployment)
+    return deployment
 
 
 class Suite:
@@ -74,9 +73,8 @@ def fly(build, hw_sim, sysroot, folder, deadline_s):
     (var / "log").mkdir(parents=True)
     (var / "run").mkdir()
     deployment = folder / "emulated.yaml"
-    deployment.write_text(deployment_text())
+    deployments.write(emulated(), deployment)
     suite = Suite(sysroot, var, deployment)
-    wake_ups = 0
     try:
         suite.start("hw_sim", hw_sim)
         wait_until((var / "run/hw_sim.ready").exists, READY_DEADLINE_S, "the simulated spacecraft is ready")
@@ -84,17 +82,20 @@ def fly(build, hw_sim, sysroot, folder, deadline_s):
         for name in NODES:
             suite.start(name, *suite.prefix, build / f"bin/{name}_node", "--name", name, "--domain", "0")
         begin = time.monotonic()
-        while time.monotonic() < begin + deadline_s:
+
+        def wake_ups():
             with contextlib.suppress(OSError):
-                wake_ups = (var / "log/can.log").read_text().count(WAKE_UP)
-            if wake_ups >= WANTED:
-                print(f"after {time.monotonic() - begin:.1f} s the peripheral was woken {wake_ups} times")
-                return 0
-            time.sleep(0.2)
-        print(f"arm64: not finished within {deadline_s} s: peripheral woken {wake_ups} times", file=sys.stderr)
-        for log in sorted((var / "log").iterdir()):
-            print(f"--- {log.name}", *log.read_text(errors="replace").splitlines()[-10:], sep="\n", file=sys.stderr)
-        return 1
+                return (var / "log/can.log").read_text().count(WAKE_UP)
+            return 0
+
+        try:
+            wait_until(lambda: wake_ups() >= WANTED, deadline_s, f"{WANTED} slots", 0.2)
+        except MissionError as error:
+            print(f"arm64: {error}; the peripheral was woken {wake_ups()} times", file=sys.stderr)
+            mission.show_logs(var, 10)
+            return 1
+        print(f"after {time.monotonic() - begin:.1f} s the peripheral was woken {wake_ups()} times")
+        return 0
     finally:
         suite.end()
         shutil.rmtree(mission.memory_folder(var), ignore_errors=True)

@@ -605,8 +605,8 @@ class Demo:
 def parse(arguments=None):
     parser = argparse.ArgumentParser(prog="./run demo", description="Flies the simulated spacecraft with a scripted operator.")
     parser.add_argument("--duration", type=float, default=40, metavar="S", help=f"approximate length, at least {SHORTEST_S} s (default: %(default)s s)")
-    parser.add_argument("--json", action="store_true", help="print only the last line: the summary as JSON")
     add_flight_options(parser)
+    parser.add_argument("--json", action="store_true", help="print only the last line: the summary as JSON")
     options = parser.parse_args(arguments)
     if options.duration < SHORTEST_S:
         parser.error(f"--duration: expected at least {SHORTEST_S}")

@@ -2,18 +2,15 @@
 # SPDX-License-Identifier: Apache-2.0
 """CLTUs with and without faults, independent of the flight code (CCSDS 231.0-B sections 3 and 6, 232.0-B section 4)."""
 
+import binascii
+
 START_SEQUENCE = bytes.fromhex("eb90")
 TAIL_SEQUENCE = bytes.fromhex("c5c5c5c5c5c5c579")
 
 
 def crc(octets):
     """Frame error control field: CRC-16 with polynomial 1021, initial value FFFF."""
-    register = 0xFFFF
-    for octet in octets:
-        register ^= octet << 8
-        for _ in range(8):
-            register = ((register << 1) ^ 0x1021 if register & 0x8000 else register << 1) & 0xFFFF
-    return register.to_bytes(2, "big")
+    return binascii.crc_hqx(octets, 0xFFFF).to_bytes(2, "big")
 
 
 def parity(block):

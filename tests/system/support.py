@@ -9,7 +9,6 @@ import os
 import pathlib
 import shutil
 import subprocess
-import sys
 import tempfile
 import threading
 import time
@@ -18,7 +17,7 @@ import unittest
 from srfs import ROOT
 from srfs.flight import deployments, mission
 from srfs.flight.deployments import NODES
-from srfs.flight.processes import command_line, end_processes, processes_of, wait_until
+from srfs.flight.processes import command_line, end_processes, pids, processes_of, wait_until
 
 BIN = pathlib.Path(os.environ.get("SRFS_BIN", ROOT / "build-release" / "bin"))
 PROGRAM = ("/usr/bin/python3", "-B", "-m")  # of python/srfs
@@ -26,13 +25,6 @@ JUDGED = tuple(name for name in NODES if not name.startswith("image_"))  # the i
 DEADLINE_S = 90  # for a condition; a wait ends when the condition holds, and the machine may be busy
 FOLDER_PREFIX = "srfs_system_test_"
 PREFIXES = (FOLDER_PREFIX, "srfs_test_")  # the second: unit and node tests, tests/temporary_folder.hpp
-
-
-def run(*command, **options):
-    """Runs a program that must succeed and returns its standard output. On failure the assertion shows its output."""
-    done = subprocess.run([str(c) for c in command], stdin=subprocess.DEVNULL, capture_output=True, text=True, timeout=200, **options)
-    assert done.returncode == 0, f"{command}\n{done.stdout[-4000:]}\n{done.stderr[-4000:]}"
-    return done.stdout
 
 
 def _lock(folder, wait=False):
@@ -92,9 +84,9 @@ def temporary_folder():
 def _parents():
     """{pid: parent's pid} of all processes."""
     found = {}
-    for entry in filter(lambda e: e.name.isdigit(), pathlib.Path("/proc").iterdir()):
+    for pid in pids():
         with contextlib.suppress(OSError):
-            found[int(entry.name)] = int((entry / "stat").read_text(errors="replace").rpartition(")")[2].split()[1])
+            found[pid] = int(pathlib.Path(f"/proc/{pid}/stat").read_text(errors="replace").rpartition(")")[2].split()[1])
     return found
 
 
@@ -149,7 +141,8 @@ class SystemTest(unittest.TestCase):
         for var in self.folder.iterdir():
             left.update(end_flight(var))
         if left or self._has_failed():
-            self._show_logs()
+            for var in self.folder.iterdir():
+                mission.show_logs(var)
         shutil.rmtree(self.folder, ignore_errors=True)
         self.assertEqual(left, {}, "processes left behind")
 
@@ -157,11 +150,6 @@ class SystemTest(unittest.TestCase):
         # Not _outcome.success: during a clean-up it describes the clean-up.
         result = self._outcome.result
         return any(self in (test, getattr(test, "test_case", None)) for test, _ in result.failures + result.errors)
-
-    def _show_logs(self):
-        for log in sorted(self.folder.glob("*/log/*.log")):
-            lines = log.read_text(errors="replace").splitlines()[-15:]
-            print(f"--- {log.relative_to(self.folder)}", *lines, sep="\n", file=sys.stderr)
 
     @contextlib.contextmanager
     def flight(self, deployment="sim"):

@@ -11,9 +11,10 @@ import tempfile
 import unittest
 from pathlib import Path
 
-from support import BIN, run
+from support import BIN
 
 from srfs import ROOT, hardening
+from srfs.flight.processes import output
 
 BUILD = Path(BIN).parent
 
@@ -25,15 +26,15 @@ class DebianPackageTest(unittest.TestCase):
         cls.addClassCleanup(folder.cleanup)
         cls.folder = Path(folder.name)
         # Fast packing; the compression ratio does not matter here.
-        run("cpack", "--config", BUILD / "CPackConfig.cmake", "-G", "DEB", "-B", cls.folder, "-D", f"CPACK_OUTPUT_FILE_PREFIX={cls.folder}",
+        output("cpack", "--config", BUILD / "CPackConfig.cmake", "-G", "DEB", "-B", cls.folder, "-D", f"CPACK_OUTPUT_FILE_PREFIX={cls.folder}",
             "-D", "CPACK_DEBIAN_COMPRESSION_TYPE=gzip", cwd=cls.folder)  # fmt: skip
         (cls.package,) = cls.folder.glob("*.deb")
         cls.root = cls.folder / "root"
-        run("dpkg-deb", "-x", cls.package, cls.root)
-        run("dpkg-deb", "-e", cls.package, cls.folder / "control")
+        output("dpkg-deb", "-x", cls.package, cls.root)
+        output("dpkg-deb", "-e", cls.package, cls.folder / "control")
 
     def field(self, name):
-        return run("dpkg-deb", "-f", self.package, name).strip()
+        return output("dpkg-deb", "-f", self.package, name).strip()
 
     def test_what_a_board_needs_is_in_it(self):
         programs = {p.name for p in (self.root / "opt/srfs/bin").iterdir()}
@@ -63,16 +64,16 @@ class DebianPackageTest(unittest.TestCase):
         self.assertEqual(files, set((self.folder / "control/conffiles").read_text().split()))
 
     def test_nobody_else_can_change_what_is_installed(self):
-        for line in run("dpkg-deb", "-c", self.package).splitlines():
+        for line in output("dpkg-deb", "-c", self.package).splitlines():
             mode, owner = line.split()[:2]
             self.assertEqual(owner, "root/root", line)
             self.assertTrue(mode[0] == "l" or (mode[5] == "-" and mode[8] == "-"), line)
         for script in ("postinst", "prerm", "postrm"):
             self.assertEqual(stat.S_IMODE((self.folder / "control" / script).stat().st_mode), 0o755, script)
-            run("sh", "-n", self.folder / "control" / script)
+            output("sh", "-n", self.folder / "control" / script)
 
     def test_programs_are_stripped_and_nothing_names_the_build(self):
-        text = run("file", *(self.root / "opt/srfs/bin").iterdir()) if shutil.which("file") else ""
+        text = output("file", *(self.root / "opt/srfs/bin").iterdir()) if shutil.which("file") else ""
         self.assertNotIn("not stripped", text)
         found = []
         for file in self.root.rglob("*"):
@@ -90,7 +91,7 @@ class DebianPackageTest(unittest.TestCase):
         (self.folder / "debian/control").write_text("Source: srfs\n\nPackage: srfs\nArchitecture: any\n")
         elf = [p for place in ("bin", "lib") for p in (self.root / "opt/srfs" / place).iterdir()
                if p.is_file() and not p.is_symlink() and p.read_bytes()[:4] == b"\x7fELF"]  # fmt: skip
-        out = run("dpkg-shlibdeps", "--ignore-missing-info", "-O", f"-l{self.root}/opt/srfs/lib", *elf, cwd=self.folder)
+        out = output("dpkg-shlibdeps", "--ignore-missing-info", "-O", f"-l{self.root}/opt/srfs/lib", *elf, cwd=self.folder)
         needed = set(re.findall(r"(?:=|, )([a-z0-9.+-]+)", out.partition("shlibs:Depends")[2]))
         listed = set(re.findall(r"(?:^|, )([a-z0-9.+-]+)", self.field("Depends")))
         self.assertEqual(listed - {"adduser", "iproute2", "libgcc-s1", "zlib1g"}, needed - {"libgcc-s1", "zlib1g"})

@@ -7,9 +7,10 @@ import tempfile
 import unittest
 from pathlib import Path
 
-from support import BIN, run
+from support import BIN
 
 from srfs import hardening
+from srfs.flight.processes import output
 
 SOURCE = Path(__file__).resolve().parents[2]
 BUILD = Path(BIN).parent
@@ -21,7 +22,7 @@ class FindPackageTest(unittest.TestCase):
         folder = tempfile.TemporaryDirectory(prefix="srfs_test_")
         cls.addClassCleanup(folder.cleanup)
         cls.folder = Path(folder.name)
-        run("cmake", "--install", BUILD, "--prefix", cls.folder / "first", "--strip")
+        output("cmake", "--install", BUILD, "--prefix", cls.folder / "first", "--strip")
         cls.prefix = cls.folder / "moved"
         (cls.folder / "first").rename(cls.prefix)
 
@@ -39,20 +40,20 @@ class FindPackageTest(unittest.TestCase):
         shutil.copytree(SOURCE / "tests/find_package", project)
         shutil.copytree(SOURCE / "nodes/payload_eps", project / "nodes/payload_eps")
         build = self.folder / "project_build"
-        run("cmake", "-S", project, "-B", build, "-G", "Ninja", f"-DCMAKE_PREFIX_PATH={self.prefix}", "-DCMAKE_BUILD_TYPE=Release")
-        run("cmake", "--build", build)
+        output("cmake", "-S", project, "-B", build, "-G", "Ninja", f"-DCMAKE_PREFIX_PATH={self.prefix}", "-DCMAKE_BUILD_TYPE=Release")
+        output("cmake", "--build", build)
         for node in ("minimal_node", "payload_eps_node"):
-            self.assertIn("--deployment", run(build / node, "--help"))
+            self.assertIn("--deployment", output(build / node, "--help"))
             self.assertEqual(hardening.faults(hardening.read(build / node), absolute_runpath=True), [])
 
     def test_the_installed_lane_builds_against_its_own_installation(self):
         sources = self.folder / "sources"
         shutil.copytree(SOURCE / "nodes/payload_eps", sources / "nodes/payload_eps", ignore=shutil.ignore_patterns("test"))
-        run(self.prefix / "bin/srfs-lane", "build", "--sources", sources, "--name", "payload_eps", "--option", "-O0", "--work", self.folder / "work",
+        output(self.prefix / "bin/srfs-lane", "build", "--sources", sources, "--name", "payload_eps", "--option", "-O0", "--work", self.folder / "work",
             "--out", self.folder / "candidate", "--log", self.folder / "log", "--no-precompiled-header", "--uid", "64045", "--normal-priority")  # fmt: skip
-        self.assertIn("--deployment", run(self.folder / "candidate", "--help"))
+        self.assertIn("--deployment", output(self.folder / "candidate", "--help"))
         self.assertEqual(hardening.faults(hardening.read(self.folder / "candidate"), absolute_runpath=True), [])
-        self.assertIn(str(self.prefix), run("ldd", self.folder / "candidate"))
+        self.assertIn(str(self.prefix), output("ldd", self.folder / "candidate"))
 
 
 if __name__ == "__main__":

@@ -7,10 +7,11 @@ import tempfile
 import unittest
 from pathlib import Path
 
-from support import BIN, run
+from support import BIN
 from test_lane import LaneTest
 
 from srfs import ROOT, hardening
+from srfs.flight.processes import output
 
 BUILD = Path(BIN).parent
 BIG = 200_000  # octets; a stripped file of this size has a buffer on the stack somewhere
@@ -30,7 +31,7 @@ def built_with(folder, *options):
     """Compiles GUARDED with these options. Returns what hardening.read() finds in the program."""
     source, program = folder / "guarded.cpp", folder / "guarded"
     source.write_text(GUARDED)
-    run("g++", "-O2", *options, source, "-o", program)
+    output("g++", "-O2", *options, source, "-o", program)
     return hardening.read(program)
 
 
@@ -40,7 +41,7 @@ class HardeningTest(unittest.TestCase):
         folder = tempfile.TemporaryDirectory(prefix="srfs_test_")
         cls.addClassCleanup(folder.cleanup)
         cls.folder = Path(folder.name)
-        run("cmake", "--install", BUILD, "--prefix", cls.folder, "--strip")
+        output("cmake", "--install", BUILD, "--prefix", cls.folder, "--strip")
         cls.files = hardening.elf_files(cls.folder / "bin", cls.folder / "lib")
 
     def test_every_installed_program_and_library_is_hardened(self):
@@ -74,7 +75,7 @@ class HardeningTest(unittest.TestCase):
         unguarded = built_with(self.folder, "-fno-stack-protector", "-U_FORTIFY_SOURCE")
         self.assertFalse(hardening.has_stack_protector(unguarded))
         self.assertFalse(hardening.is_fortified(unguarded))
-        run("g++", "-shared", "-fPIC", "-fcf-protection=none" if unguarded.machine == hardening.X86_64 else "-mbranch-protection=none",
+        output("g++", "-shared", "-fPIC", "-fcf-protection=none" if unguarded.machine == hardening.X86_64 else "-mbranch-protection=none",
             "-x", "c++", self.folder / "guarded.cpp", "-o", self.folder / "bare.so")  # fmt: skip
         self.assertEqual(hardening.read(self.folder / "bare.so").without_pad, ["main"])
 

@@ -2,7 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Telecommands for the ring: hold, release, release Inactive, the fault ledger, log levels (nodes/maintenance)."""
 
-import json
 import os
 import signal
 import unittest
@@ -58,7 +57,7 @@ class RingCommandsTest(SystemTest):
     def test_a_node_changes_its_version_and_goes_back_by_telecommand(self):
         with self.flight() as flight:
             ground = flight.ground()
-            versions = lambda node: json.loads(flight.srfs("versions", "--node", node).stdout)[0]  # noqa: E731
+            versions = flight.versions
             for node in ("payload_eps", "maintenance"):
                 program = self.folder / "program"
                 program.write_text(f'#!/bin/sh\nexec {BIN}/{node}_node "$@"\n')
@@ -90,7 +89,7 @@ class RingCommandsTest(SystemTest):
             program = self.folder / "program"
             program.write_text(f"#!/bin/sh\nexec {BIN}/ttc_node --name ttc --deployment {deaf} --var {flight.var}\n")
             self.assertEqual(flight.srfs("versions", "add", "ttc", str(program)).returncode, 0)
-            versions = lambda: json.loads(flight.srfs("versions", "--node", "ttc").stdout)[0]  # noqa: E731
+            versions = lambda: flight.versions("ttc")  # noqa: E731
             self.assertIn("does not run", self.refuse(ground, "node.confirm_version node=ttc version=1"))
             self.assertEqual(flight.srfs("versions", "use", "ttc", "1", "--probation", "12").returncode, 0)
             wait_until(lambda: versions()["running"] == 1 and self.state(flight, "ttc") == "active", DEADLINE_S, "version 1 of ttc")

@@ -14,9 +14,9 @@ import xml.etree.ElementTree
 from pathlib import Path
 
 from rosidl_adapter.parser import parse_action_file, parse_message_file, parse_service_file
-from support import run
 
 from srfs import ROOT
+from srfs.flight.processes import output
 
 OURS = ROOT / "msgs/srfs_msgs"
 STANDARD = ROOT / "msgs/interfaces"
@@ -130,10 +130,10 @@ class WorkspaceTest(unittest.TestCase):
     def build(self, package):
         build = self.folder / "build" / package.name
         prefixes = ";".join(map(str, self.prefixes_of(package)))
-        run("cmake", "-S", package, "-B", build, "-G", "Ninja", f"-DCMAKE_PREFIX_PATH={prefixes}", "-DPython3_EXECUTABLE=/usr/bin/python3",
+        output("cmake", "-S", package, "-B", build, "-G", "Ninja", f"-DCMAKE_PREFIX_PATH={prefixes}", "-DPython3_EXECUTABLE=/usr/bin/python3",
             f"-DCMAKE_INSTALL_PREFIX={self.folder / 'install' / package.name}", "-DBUILD_TESTING=OFF")  # fmt: skip
-        run("cmake", "--build", build)
-        run("cmake", "--install", build)
+        output("cmake", "--build", build)
+        output("cmake", "--install", build)
 
     def test_debians_generators_build_it_and_a_program_can_use_every_interface(self):
         package = self.folder / "src" / OURS.name
@@ -153,8 +153,8 @@ class WorkspaceTest(unittest.TestCase):
         )
         (user / "CMakeLists.txt").write_text(USER_CMAKE)
         prefixes = ";".join(map(str, [installed, *self.prefixes_of(package)]))
-        run("cmake", "-S", user, "-B", self.folder / "build/user", "-G", "Ninja", f"-DCMAKE_PREFIX_PATH={prefixes}", "-DPython3_EXECUTABLE=/usr/bin/python3")
-        run("cmake", "--build", self.folder / "build/user")
+        output("cmake", "-S", user, "-B", self.folder / "build/user", "-G", "Ninja", f"-DCMAKE_PREFIX_PATH={prefixes}", "-DPython3_EXECUTABLE=/usr/bin/python3")
+        output("cmake", "--build", self.folder / "build/user")
 
 
 if __name__ == "__main__":

@@ -2,7 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Packages of sources, from the ground to a running program: the lane builds, tests and swaps them; bad ones are refused or rolled back."""
 
-import json
 import os
 import signal
 import subprocess
@@ -75,7 +74,7 @@ class UpdateTest(SystemTest):
         return event
 
     def versions(self, flight):
-        return json.loads(flight.srfs("versions", "--node", NODE).stdout)[0]
+        return flight.versions(NODE)
 
     def status(self, flight, node=NODE):
         return {n["name"]: n for n in flight.status()}[node]

@@ -11,7 +11,6 @@ import pathlib
 import shutil
 import socket
 import subprocess
-import sys
 import tempfile
 import threading
 import time
@@ -128,10 +127,6 @@ class Flight:
             ip("del", self.interface)
         return left
 
-    def show_logs(self):
-        for log in sorted(self.folder.glob("var/log/*.log")):
-            print(f"--- {log.name}", *log.read_text(errors="replace").splitlines()[-15:], sep="\n", file=sys.stderr)
-
     def frames_on_the_bus(self):
         return int(pathlib.Path("/sys/class/net", self.interface, "statistics", "tx_packets").read_text())
 
@@ -168,7 +163,7 @@ def setUpModule():
     try:
         flight.start()
     except BaseException:
-        flight.show_logs()
+        mission.show_logs(flight.folder / "var")
         tearDownModule()
         raise
 
@@ -176,7 +171,7 @@ def setUpModule():
 def tearDownModule():
     left = flight.stop()
     if left:
-        flight.show_logs()
+        mission.show_logs(flight.folder / "var")
     shutil.rmtree(flight.folder, ignore_errors=True)
     if left:
         raise AssertionError("left behind: " + ", ".join(left))
@@ -188,7 +183,7 @@ class MissionOnVcan(unittest.TestCase):
     def tearDown(self):
         self.assertEqual(flight.check_processes(), [], "no node may end or be restarted")
         if not self._outcome.success:
-            flight.show_logs()
+            mission.show_logs(flight.folder / "var")
 
     def test_telemetry_of_every_payload_arrives_at_the_ground(self):
         for payload in PAYLOADS:

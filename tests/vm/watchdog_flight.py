@@ -58,11 +58,6 @@ def prepare(driver, folder):
     return var, deployments.write(deployment, folder / "vcan.yaml")
 
 
-def show_logs(var):
-    for log in sorted(var.glob("log/*.log")):
-        print(f"--- {log.name}", *log.read_text(errors="replace").splitlines()[-15:], sep="\n")
-
-
 def boot_of(ground):
     """Waits until the watchdog was fed. Returns the fields of timing's housekeeping; None if none came."""
     packet = ground.housekeeping("timing", PATIENCE_S, 0, lambda f: f["watchdog_feeds"] > 0)
@@ -81,14 +76,14 @@ def main():
     try:
         flight.start()
     except MissionError:
-        show_logs(var)
+        mission.show_logs(var, file=sys.stdout)
         raise
     ground = flight.ground()
     fields = boot_of(ground)
     if fields is None:
         heard = collections.Counter(m.get("structure") or m["type"] for m in ground.messages)
         print(f"no housekeeping of timing came; the ground heard {dict(heard)}, its log: {ground.log_path.read_text()!r}")
-        show_logs(var)
+        mission.show_logs(var, file=sys.stdout)
         return 1
     log = (var / "log" / "timing.log").read_text()
     told = {name: fields[name] for name in ("boot_count", "reset_cause", "watchdog_timeout_s")}

@@ -13,6 +13,7 @@ import pathlib
 import shutil
 import struct
 import subprocess
+import sys
 import time
 
 from srfs.flight import deployments
@@ -55,6 +56,12 @@ def has_come(var, node):
         return False
     state, desired = lifecycle & 0xFFFFFFFF, lifecycle >> 32
     return state != 0 and state == desired and process & 0xFFFFFFFF == lock_owner(var / "run" / f"{node}.lock")
+
+
+def show_logs(var, lines=15, file=None):
+    """The ends of a flight's logs, on standard error unless given."""
+    for log in sorted(var.glob("log/*.log")):
+        print(f"--- {log.relative_to(var.parent)}", *log.read_text(errors="replace").splitlines()[-lines:], sep="\n", file=file or sys.stderr)
 
 
 class Mission:

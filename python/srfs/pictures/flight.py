@@ -1,24 +1,16 @@
-#!/usr/bin/python3
 # SPDX-FileCopyrightText: 2026 SRFS contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Makes docs/pictures/flight.svg: flies the simulated spacecraft, types what an operator would, and draws the terminal with what really came,
-at the times at which it came. About a minute after ./run build.
+"""docs/pictures/flight.svg: flies the simulated spacecraft, types what an operator would, and draws the terminal with what really came, at the
+times at which it came. About a minute."""
 
-python3 -m srfs.pictures.flight [--bin DIR] [--out FILE]
-"""
-
-import argparse
 import html
 import os
 import re
 import subprocess
-import tempfile
 import time
-from pathlib import Path
 
-from srfs import ROOT
 from srfs.flight import mission
-from srfs.program import MissionError, run_program
+from srfs.program import MissionError
 
 COLUMNS, FONT_PX, LINE_PX, MARGIN_PX = 124, 12, 17, 16
 CHARACTER_PX = 0.6 * FONT_PX  # of a monospace font
@@ -90,16 +82,5 @@ def picture(shown, length_s):
     )
 
 
-def main():
-    parser = argparse.ArgumentParser(description="Makes docs/pictures/flight.svg from a flight of the simulated spacecraft.")
-    parser.add_argument("--bin", type=Path, default=ROOT / "build-release/bin", help="default: build-release/bin")
-    parser.add_argument("--out", type=Path, default=ROOT / "docs/pictures/flight.svg", help="default: docs/pictures/flight.svg")
-    options = parser.parse_args()
-    with tempfile.TemporaryDirectory(prefix="srfs_picture_") as folder:
-        options.out.write_text(picture(*fly(options.bin.absolute(), Path(folder))))
-    print(options.out)
-    return 0
-
-
-if __name__ == "__main__":
-    run_program("pictures.flight", main)
+def make(bin_dir, folder, out):
+    out.write_text(picture(*fly(bin_dir, folder)))

@@ -1,17 +1,8 @@
-#!/usr/bin/python3
 # SPDX-FileCopyrightText: 2026 SRFS contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Draws docs/pictures/nodes.svg: the nodes of launch_config/sim.yaml and what flows between them. Run again after a node or flow changed.
+"""docs/pictures/nodes.svg: the nodes of launch_config/sim.yaml and what flows between them. Again after a node or flow changed."""
 
-python3 -m srfs.pictures.nodes [--out FILE]
-"""
-
-import argparse
-from pathlib import Path
-
-import yaml
-
-from srfs import ROOT
+from srfs.flight import deployments
 
 WIDTH, HEIGHT = 1000, 676
 RING_Y, RING_LEFT, RING_STEP = 622, 24, 107
@@ -184,16 +175,8 @@ def picture(names):
 
 
 def deployed_nodes():
-    return [entry["name"] for entry in yaml.safe_load((ROOT / "launch_config/sim.yaml").read_text())["nodes"]]
+    return [entry["name"] for entry in deployments.read("sim")["nodes"]]
 
 
-def main():
-    parser = argparse.ArgumentParser(description="Draws the nodes of launch_config/sim.yaml and what flows between them.")
-    parser.add_argument("--out", type=Path, default=ROOT / "docs/pictures/nodes.svg", help="default: docs/pictures/nodes.svg")
-    out = parser.parse_args().out
+def make(bin_dir, folder, out):
     out.write_text(picture(deployed_nodes()))
-    print(out)
-
-
-if __name__ == "__main__":
-    main()

@@ -32,6 +32,9 @@ import sys
 import tempfile
 import time
 
+from srfs import ROOT
+
+SLOWER = 6  # starts and discovery, on an emulated processor of a busy machine
 HERE = pathlib.Path(__file__).resolve().parent
 QEMU = "qemu-system-x86_64"
 PACKAGES = {"amd64": "linux-image-amd64", "rt": "linux-image-rt-amd64"}  # each depends on the newest kernel of its kind
@@ -346,18 +349,32 @@ def say(text):
     print(f"vm: {text}", file=sys.stderr, flush=True)
 
 
-def interruptible():
-    """SIGTERM ends like Ctrl-C: through every `finally`."""
+def exit_code_of(work):
+    """What work() returns; of its own where there can be no guest or the user ends it. SIGTERM ends like Ctrl-C: through every `finally`."""
 
     def end(number, frame):
         raise KeyboardInterrupt
 
     signal.signal(signal.SIGTERM, end)
     signal.signal(signal.SIGHUP, end)
+    try:
+        return work()
+    except CannotRun as error:
+        say(str(error))
+        return EXIT_CANNOT
+    except KeyboardInterrupt:
+        say("interrupted")
+        return 130
+
+
+def python(script, *arguments, **environment):
+    """The command of a script of tests/vm in the guest."""
+    environment = {"PYTHONPATH": ROOT / "python", "SRFS_PATIENCE": SLOWER, **environment}
+    return ["env", *(f"{name}={value}" for name, value in environment.items()), sys.executable, "-B", str(ROOT / "tests" / "vm" / script), *arguments]
 
 
 def main():
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(prog="srfs.vm.guest", description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     commands = parser.add_subparsers(dest="action", required=True)
     runner = commands.add_parser("run", help="boot and run a command")
     add_options(runner)
@@ -365,18 +382,9 @@ def main():
     fetcher = commands.add_parser("fetch", help="only fetch the kernel")
     fetcher.add_argument("--kernel", choices=PACKAGES, default="amd64")
     options = parser.parse_args()
-    interruptible()
-    try:
-        if options.action == "fetch":
-            print(kernel_folder(say, options.kernel))
-            return 0
-        return run(options.command, options, say)
-    except CannotRun as error:
-        say(str(error))
-        return EXIT_CANNOT
-    except KeyboardInterrupt:
-        say("interrupted")
-        return 130
+    if options.action == "fetch":
+        return exit_code_of(lambda: print(kernel_folder(say, options.kernel)) or 0)
+    return exit_code_of(lambda: run(options.command, options, say))
 
 
 if __name__ == "__main__":

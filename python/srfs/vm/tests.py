@@ -19,7 +19,6 @@ import sys
 from srfs import ROOT
 from srfs.vm import guest
 
-SLOWER_IN_THE_GUEST = 6  # starts and discovery, on an emulated processor of a busy machine
 DEADLINE_S = 420
 FULL_DEADLINE_S = 3000
 
@@ -51,23 +50,17 @@ def parse():
     return options
 
 
+def run(options):
+    arguments = ["--build", str(options.build.absolute()), *(["--full"] if options.full else []), *(["--only", options.only] if options.only else [])]
+    if not options.vm and options.kernel == "amd64" and kernel_has_can():
+        print("this kernel has CAN: no virtual machine", flush=True)
+        return subprocess.run(guest.python("run_tests.py", *arguments, SRFS_PATIENCE=1), stdin=subprocess.DEVNULL, check=False).returncode
+    return guest.run(guest.python("run_tests.py", *arguments, SRFS_IN_GUEST=1), options, guest.say)
+
+
 def main():
     options = parse()
-    guest.interruptible()
-    command = [sys.executable, "-B", str(ROOT / "tests" / "vm" / "run_tests.py"), "--build", str(options.build.absolute())]
-    command += ["--full"] if options.full else []
-    command += ["--only", options.only] if options.only else []
-    try:
-        if not options.vm and options.kernel == "amd64" and kernel_has_can():
-            print("this kernel has CAN: no virtual machine", flush=True)
-            return subprocess.run(command, stdin=subprocess.DEVNULL, check=False).returncode
-        return guest.run(["env", f"PYTHONPATH={ROOT / 'python'}", f"SRFS_PATIENCE={SLOWER_IN_THE_GUEST}", "SRFS_IN_GUEST=1", *command], options, guest.say)
-    except guest.CannotRun as error:
-        guest.say(str(error))
-        return guest.EXIT_CANNOT
-    except KeyboardInterrupt:
-        guest.say("interrupted")
-        return 130
+    return guest.exit_code_of(lambda: run(options))
 
 
 if __name__ == "__main__":

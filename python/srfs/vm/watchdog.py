@@ -16,9 +16,9 @@ import sys
 import tempfile
 
 from srfs import ROOT
+from srfs.report.checks import check, show
 from srfs.vm import guest
 
-SLOWER_IN_THE_GUEST = 6
 DEVICES = {"softdog": (), "i6300esb": ("i6300esb",)}
 DEADLINE_S = 420
 
@@ -32,23 +32,22 @@ class Options:
 
 
 def judge(driver, code, lines):
-    """[(what, ok)] of the reports of both boots."""
+    """The checks of the reports of both boots."""
     boots = [line for line in lines if "boot" in line]
     first, second = boots if len(boots) == 2 else ({}, {})
     return [
-        (f"{driver}: two boots of the machine, the second ended well", code == 0 and len(boots) == 2),
-        (f"{driver}: it was reset, not merely restarted", bool(first) and first["kernel"] != second["kernel"]),
-        (f"{driver}: timing and all other nodes were stopped before", any("timing" in line.get("stopped", ()) for line in lines)),
-        (f"{driver}: no process could disarm it (nowayout)", bool(first) and first["nowayout"] and second["nowayout"]),
-        (f"{driver}: its time-out is the requested one", bool(first) and first["watchdog_timeout_s"] == 20),
-        (f"{driver}: the boot is counted", bool(first) and second["boot_count"] == first["boot_count"] + 1),
-        (f"{driver}: the reset cause is the watchdog", bool(first) and second["reset_cause"] == "watchdog"),
+        check(code == 0 and len(boots) == 2, f"{driver}: two boots of the machine, the second ended well"),
+        check(bool(first) and first["kernel"] != second["kernel"], f"{driver}: it was reset, not merely restarted"),
+        check(any("timing" in line.get("stopped", ()) for line in lines), f"{driver}: timing and all other nodes were stopped before"),
+        check(bool(first) and first["nowayout"] and second["nowayout"], f"{driver}: no process could disarm it (nowayout)"),
+        check(bool(first) and first["watchdog_timeout_s"] == 20, f"{driver}: its time-out is the requested one"),
+        check(bool(first) and second["boot_count"] == first["boot_count"] + 1, f"{driver}: the boot is counted"),
+        check(bool(first) and second["reset_cause"] == "watchdog", f"{driver}: the reset cause is the watchdog"),
     ]
 
 
 def fly(driver, build):
-    command = ["env", f"SRFS_PATIENCE={SLOWER_IN_THE_GUEST}", f"SRFS_BIN={build / 'bin'}", f"PYTHONPATH={ROOT / 'python'}", sys.executable, "-B",
-               str(ROOT / "tests" / "vm" / "watchdog_flight.py"), driver]  # fmt: skip
+    command = guest.python("watchdog_flight.py", driver, SRFS_BIN=build / "bin")
     with tempfile.TemporaryDirectory(prefix="srfs-watchdog-") as folder:
         report = pathlib.Path(folder, "report")
         code = guest.run(command, Options, guest.say, DEVICES[driver], may_reset=True, keep_file=("kept/report", report))
@@ -61,23 +60,16 @@ def main():
     parser.add_argument("--build", type=pathlib.Path, default=ROOT / "build-release", metavar="DIR", help="default: %(default)s")
     parser.add_argument("--only", choices=DEVICES, help="test only this device")
     options = parser.parse_args()
-    guest.interruptible()
     os.chdir(ROOT)
-    results = []
-    try:
-        for driver in [options.only] if options.only else DEVICES:
-            results += fly(driver, options.build.absolute())
-    except guest.CannotRun as error:
-        guest.say(str(error))
-        return guest.EXIT_CANNOT
-    except KeyboardInterrupt:
-        guest.say("interrupted")
-        return 130
-    for what, ok in results:
-        print(f"  {'ok    ' if ok else 'NOT OK'}  {what}")
-    failed = sum(not ok for _, ok in results)
-    print(f"{len(results) - failed} passed, {failed} failed")
-    return int(failed != 0)
+
+    def run():
+        checks = [check for driver in ([options.only] if options.only else DEVICES) for check in fly(driver, options.build.absolute())]
+        show(checks)
+        failed = sum(not result["ok"] for result in checks)
+        print(f"{len(checks) - failed} passed, {failed} failed")
+        return int(failed != 0)
+
+    return guest.exit_code_of(run)
 
 
 if __name__ == "__main__":

@@ -23,7 +23,7 @@ class NodesPicture(unittest.TestCase):
         cls.svg = xml.etree.ElementTree.parse(ROOT / "docs/pictures/nodes.svg").getroot()
 
     def test_is_what_its_script_draws(self):
-        self.assertEqual((ROOT / "docs/pictures/nodes.svg").read_text(), nodes_picture.picture(nodes_picture.deployed_nodes()), "run python/srfs/pictures/nodes.py")
+        self.assertEqual((ROOT / "docs/pictures/nodes.svg").read_text(), nodes_picture.picture(nodes_picture.deployed_nodes()), "run python3 -m srfs.pictures nodes")
 
     def test_shows_the_nodes_of_the_deployment_in_the_order_of_the_ring(self):
         nodes = nodes_picture.deployed_nodes()

@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The XTCE file against the flight code's encoders: values and octets, for every packet and telecommand of the dictionary."""
 
+import binascii
 import json
 import math
 import os
@@ -37,21 +38,12 @@ def generate(dictionary, *options):
                            *options], check=True, capture_output=True, text=True, timeout=200).stdout
 
 
-def crc16(octets):
-    crc = 0xFFFF
-    for octet in octets:
-        crc ^= octet << 8
-        for _ in range(8):
-            crc = (crc << 1 ^ 0x1021) & 0xFFFF if crc & 0x8000 else crc << 1
-    return crc
-
-
 def as_the_link_sends(packet, sequence_count):
     """Fills in what the ground's link adds: sequence count, length, error control."""
     whole = bytearray(packet + b"\0\0")
     whole[2:4] = (int.from_bytes(whole[2:4], "big") | sequence_count).to_bytes(2, "big")
     whole[4:6] = (len(whole) - 7).to_bytes(2, "big")
-    whole[-2:] = crc16(whole[:-2]).to_bytes(2, "big")
+    whole[-2:] = binascii.crc_hqx(whole[:-2], 0xFFFF).to_bytes(2, "big")
     return bytes(whole)
 
 
