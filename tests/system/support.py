@@ -8,6 +8,7 @@ import json
 import os
 import pathlib
 import shutil
+import signal
 import subprocess
 import tempfile
 import threading
@@ -17,7 +18,7 @@ import unittest
 from srfs import ROOT
 from srfs.flight import deployments, mission
 from srfs.flight.deployments import NODES
-from srfs.flight.processes import command_line, end_processes, pids, processes_of, wait_until
+from srfs.flight.processes import command_line, end_processes, pids, processes_of, send_signal, wait_until
 
 BIN = pathlib.Path(os.environ.get("SRFS_BIN", ROOT / "build-release" / "bin"))
 PROGRAM = ("/usr/bin/python3", "-B", "-m")  # of python/srfs
@@ -162,6 +163,17 @@ class SystemTest(unittest.TestCase):
         command = [str(BIN / "srfs-ground"), "--port", str(self.var / "rs422"), *words]
         return subprocess.run(command, stdin=subprocess.DEVNULL, capture_output=True, text=True, timeout=60)
 
+    def complete(self, ground, line, deadline_s=DEADLINE_S):
+        """Sends a line whose telecommand must be completed. Returns its outcome."""
+        outcome = ground.command(line, deadline_s)
+        self.assertEqual((outcome or {}).get("stage"), "completed", f"{line}: {outcome}")
+        return outcome
+
+    def wait_for_event(self, ground, name, since=0, matches=lambda event: True):
+        event = ground.wait_for(lambda m: m["type"] == "event" and m.get("event") == name and matches(m), DEADLINE_S, since)
+        self.assertIsNotNone(event, f"event {name}")
+        return event
+
     def deployment(self, *replacements, base="sim"):
         """Copies a deployment with some text replaced."""
         return deployments.copy(deployments.FOLDER / f"{base}.yaml", self.folder / "changed.yaml", replacements)
@@ -183,6 +195,18 @@ class ToolTest(SystemTest):
         result = self.srfs(*arguments, "--json")
         self.assertEqual(result.returncode, 0, result.stdout + result.stderr)
         return json.loads(result.stdout)
+
+
+def kill(flight, *nodes):
+    """Kills nodes and waits until the ring has restarted them."""
+    pids = {node: flight.node_pid(node) for node in nodes}
+    for pid in pids.values():
+        send_signal(pid, signal.SIGKILL)
+    wait_until(lambda: all(flight.node_pid(node) not in (None, pids[node]) for node in nodes), 3 * DEADLINE_S, f"{', '.join(nodes)} restarted")
+
+
+def wait_for_ttc(ground):
+    wait_until(lambda: (ground.command("ping --timeout 1") or {}).get("stage") == "completed", DEADLINE_S, "ttc works")
 
 
 def restarts(flight, nodes=JUDGED):

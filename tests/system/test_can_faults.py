@@ -24,11 +24,6 @@ class CanFaultTest(SystemTest):
         for payload in PAYLOADS:
             wait_for_slots(recorder, payload, status, count, since)
 
-    def wait_for_event(self, ground, name, since=0):
-        event = ground.wait_for(lambda m: m["type"] == "event" and m.get("event") == name, DEADLINE_S, since)
-        self.assertIsNotNone(event, f"event {name}")
-        return event
-
     def bus(self, ground, matches):
         """The fields of the next can_bus packet that matches."""
         packet = ground.housekeeping("can_bus", DEADLINE_S, matches=matches)
@@ -161,7 +156,7 @@ class BabblingPeripheralTest(CanFaultTest):
             with self.subTest("commanded"):
                 flight.control({"peripheral": "eps", "fault": "none"})
                 since = recorder.position()
-                self.assertEqual(ground.command("arm eps.power_cycle_peripheral off_ms=100", DEADLINE_S).get("stage"), "completed")
+                self.complete(ground, "arm eps.power_cycle_peripheral off_ms=100")
                 commanded = ground.command("tc eps.power_cycle_peripheral off_ms=100", DEADLINE_S)
                 self.assertEqual(commanded.get("stage"), "completed", commanded)
                 wait_for_slots(recorder, "payload_eps", "released", 10, since)

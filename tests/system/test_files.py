@@ -75,7 +75,7 @@ class FilesTest(SystemTest):
             self.assertIsNotNone(suspended)
             flight.control({"rs422": {"cut": False}})
             # A telecommand goes up and is answered; the file does not go up.
-            self.assertEqual(ground.command("ping", DEADLINE_S)["stage"], "completed")
+            self.complete(ground, "ping")
             self.assertFalse((flight.var / "files/rests.bin").exists())
             ground.send(f"resume {begun['id']}")
             self.assertTrue(self.finished(ground, "up", "rests.bin")["success"])

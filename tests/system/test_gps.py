@@ -8,11 +8,6 @@ from support import DEADLINE_S, SystemTest
 
 
 class GpsTest(SystemTest):
-    def wait_for_event(self, ground, name, since):
-        event = ground.wait_for(lambda m: m["type"] == "event" and m.get("event") == name, DEADLINE_S, since)
-        self.assertIsNotNone(event, f"event {name}")
-        return event["fields"]
-
     def timing(self, ground, matches, what, since=0):
         message = ground.housekeeping("timing", DEADLINE_S, matches=matches, since=since)
         self.assertIsNotNone(message, what)
@@ -45,7 +40,7 @@ class GpsTest(SystemTest):
             with self.subTest("a wrong fix is refused"):
                 since = ground.position()
                 flight.control({"gps": {"time_step_s": 100}})
-                self.assertEqual(self.wait_for_event(ground, "timing.time_jump_refused", since)["difference_s"], 100)
+                self.assertEqual(self.wait_for_event(ground, "timing.time_jump_refused", since)["fields"]["difference_s"], 100)
                 refused = self.timing(ground, lambda f: f["time_jumps_refused"] > 0, "counted", since)
                 self.assertEqual(refused["times_set"], locked["times_set"])
 
@@ -69,7 +64,7 @@ class GpsTest(SystemTest):
                 back = self.timing(ground, lambda f: f["gps_line_reopened"] > before["gps_line_reopened"], "opened again", since)
                 self.timing(ground, lambda f: f["sentences_seen"] > back["sentences_seen"] + 2, "sentences again", since)
             self.assertEqual(ground.fresh("timing", DEADLINE_S)["phase_adoptions"], locked["phase_adoptions"])
-            self.assertEqual(ground.command("ping --timeout 20", DEADLINE_S).get("stage"), "completed")
+            self.complete(ground, "ping --timeout 20")
 
 
 if __name__ == "__main__":

@@ -2,22 +2,14 @@
 # SPDX-License-Identifier: Apache-2.0
 """The uplink keys: switched by telecommand, remembered by both ends, never a lock-out."""
 
-import os
-import signal
 import unittest
 
-from support import DEADLINE_S, SystemTest
+from support import DEADLINE_S, SystemTest, kill
 
 from srfs.flight.processes import wait_until
 
 
 class KeysTest(SystemTest):
-    def kill_ttc(self, flight):
-        """Kills ttc and waits until the ring has restarted it."""
-        pid = flight.node_pid("ttc")
-        os.kill(pid, signal.SIGKILL)
-        wait_until(lambda: flight.node_pid("ttc") not in (None, pid), DEADLINE_S, "the ring has started ttc again")
-
     def configure_anew(self, flight, meanwhile):
         """Takes ttc down to Unconfigured, where it has nothing open, and up again."""
         for transition in ("deactivate", "cleanup", None, "configure", "activate"):
@@ -42,10 +34,10 @@ class KeysTest(SystemTest):
         with self.flight() as flight:
             ground = flight.ground()
             wait_until(lambda: self.ping(ground), DEADLINE_S, "ttc answers")
-            self.assertEqual(ground.command("tc ttc.select_keys set=b").get("stage"), "completed")
+            self.complete(ground, "tc ttc.select_keys set=b")
             self.assertIsNotNone(ground.wait_for(lambda m: m["type"] == "keys" and m["keys"] == "b", DEADLINE_S))
             self.assertTrue(self.ping(ground), "both ends use b")
-            self.kill_ttc(flight)
+            kill(flight, "ttc")
             wait_until(lambda: self.ping(ground), DEADLINE_S, "b is remembered on board")
 
             # Both copies are lost: ttc uses a again, the tool uses b.

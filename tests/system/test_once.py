@@ -11,7 +11,7 @@ import struct
 import threading
 import unittest
 
-from support import BIN, DEADLINE_S, JUDGED, SystemTest, restarts, wait_for_slots
+from support import BIN, DEADLINE_S, JUDGED, SystemTest, kill, restarts, wait_for_slots, wait_for_ttc
 
 from srfs.flight.processes import wait_until
 
@@ -40,16 +40,10 @@ class OnceTest(SystemTest):
         text = PERIPHERALS[peripheral].format(ARGUMENTS[peripheral][number // len(PERIPHERALS) % 2])
         return ground.send(f"tc {text} --timeout {PATIENCE_S}")
 
-    def kill_ttc(self, flight):
-        pid = flight.node_pid("ttc")
-        if pid:
-            os.kill(pid, signal.SIGKILL)
-        wait_until(lambda: flight.node_pid("ttc") not in (None, pid), DEADLINE_S, "the ring has started ttc again")
-
     def wait_for_the_end(self, ground, lines):
         """Waits for the end of each accepted telecommand; a frame that arrived while ttc was dead is lost. A restarted ttc repeats its reports
         before it sends its first answer."""
-        wait_until(lambda: ground.command("ping --timeout 1").get("stage") == "completed", DEADLINE_S, "ttc works")
+        wait_for_ttc(ground)
         for line in lines:
             if "accepted" in self.names(ground, line):
                 self.assertIsNotNone(ground.outcome(line, PATIENCE_S + DEADLINE_S), f"line {line}: {self.names(ground, line)}")
@@ -87,7 +81,7 @@ class KilledTtcTest(OnceTest):
             for turn in range(2 * ACCEPTED_TURNS):
                 after_acceptance = turn % 2 == 1
                 if after_acceptance:  # telecommands that arrive while it starts are lost
-                    wait_until(lambda: ground.command("ping --timeout 1").get("stage") == "completed", DEADLINE_S, "ttc works")
+                    wait_for_ttc(ground)
                 since = ground.position()
                 for _ in range(UNDER_WAY):
                     lines += [self.send(ground, len(lines) + k) for k in range(len(PERIPHERALS))]
@@ -95,7 +89,7 @@ class KilledTtcTest(OnceTest):
                     self.assertIsNotNone(ground.wait_for(lambda m: m["type"] == "tc_stage" and m["stage"] == "accepted", DEADLINE_S, since))
                 # Anywhere between the first octet, or the first acceptance, and the last report.
                 threading.Event().wait(chance.uniform(0, 0.4))
-                self.kill_ttc(flight)
+                kill(flight, "ttc")
             accepted = self.judge(flight, ground, recorder, lines)
             self.assertGreaterEqual(len(accepted), ACCEPTED_TURNS)
             self.assertEqual(restarts(flight, others), before, "nobody else")
@@ -108,7 +102,7 @@ class KilledTtcTest(OnceTest):
             self.assertIsNotNone(ground.wait_for(lambda m: m["type"] == "tc_stage" and m["stage"] == "accepted", DEADLINE_S))
             payload = flight.node_pid("payload_eps")
             os.kill(payload, signal.SIGKILL)
-            self.kill_ttc(flight)
+            kill(flight, "ttc")
             self.assertTrue(self.judge(flight, ground, recorder, lines))
 
 
@@ -138,7 +132,7 @@ class CrashPointTest(OnceTest):
                     wait_until(lambda: flight.node_pid("ttc") not in (None, pid), DEADLINE_S, f"ttc ended before call {call} and is back")
                     killed += 1
                     back = recorder.position()
-                    wait_until(lambda: ground.command("ping --timeout 1").get("stage") == "completed", DEADLINE_S, "ttc works")
+                    wait_for_ttc(ground)
                     ticks = WINDOW_MS // 100 + 2
                     wait_until(lambda: len(recorder.select(lambda m: m["type"] == "tick", back)) > ticks, DEADLINE_S, "the death is out of the window")
             self.judge(flight, ground, recorder, lines)

@@ -2,33 +2,26 @@
 # SPDX-License-Identifier: Apache-2.0
 """Packet stores controlled by the ground (PUS 15): open retrieval over a restart, disabled and bounded stores, their reports."""
 
-import os
-import signal
 import unittest
 
-from support import DEADLINE_S, SystemTest
+from support import DEADLINE_S, SystemTest, kill
 
 from srfs.flight.processes import wait_until
 
 
 class OpenRetrievalTest(SystemTest):
-    def completed(self, ground, command):
-        self.assertEqual(ground.command(f"tc {command}", DEADLINE_S).get("stage"), "completed", command)
-
     def test_new_events_go_down_by_themselves_also_after_ttc_was_killed_until_it_is_suspended(self):
         with self.flight() as flight:
             ground = flight.ground()
             since = ground.position()
-            self.completed(ground, "storage.resume_open store=events")
+            self.complete(ground, "tc storage.resume_open store=events")
             started = ground.wait_for(
                 lambda m: m["type"] == "event" and m["event"] == "node.started" and m.get("vc") == 1, DEADLINE_S, since
             )
             self.assertIsNotNone(started, "what was stored before comes first")
 
-            pid = flight.node_pid("ttc")
             since = ground.position()
-            os.kill(pid, signal.SIGKILL)
-            wait_until(lambda: flight.node_pid("ttc") not in (None, pid), 3 * DEADLINE_S, "ttc is back")
+            kill(flight, "ttc")
             again = ground.wait_for(
                 lambda m: m["type"] == "event" and m["event"] == "node.started" and m["apid"] == 1 and m.get("vc") == 1,
                 3 * DEADLINE_S,
@@ -36,20 +29,20 @@ class OpenRetrievalTest(SystemTest):
             )
             self.assertIsNotNone(again, "its own start is stored, and sent because open retrieval goes on")
 
-            self.completed(ground, "storage.suspend_open store=events")
+            self.complete(ground, "tc storage.suspend_open store=events")
             since = ground.position()
-            self.completed(ground, "storage.status")
+            self.complete(ground, "tc storage.status")
             status = self.report(ground, "packet_store_status", "events", since)
             self.assertEqual((status["open_retrieval"], status["storage"], status["type"]), ("suspended", "enabled", "circular"))
 
     def test_a_disabled_store_takes_nothing_and_says_how_much_it_refused(self):
         with self.flight() as flight:
             ground = flight.ground()
-            self.completed(ground, "storage.disable store=verification")
-            self.completed(ground, "storage.make_bounded store=housekeeping")
-            self.assertEqual(ground.command("ping", DEADLINE_S)["stage"], "completed")
+            self.complete(ground, "tc storage.disable store=verification")
+            self.complete(ground, "tc storage.make_bounded store=housekeeping")
+            self.complete(ground, "ping")
             since = ground.position()
-            self.completed(ground, "storage.status")
+            self.complete(ground, "tc storage.status")
             status = self.report(ground, "packet_store_status", "verification", since)
             self.assertEqual(status["storage"], "disabled")
             self.assertGreater(status["refused"], 0)
@@ -61,7 +54,7 @@ class OpenRetrievalTest(SystemTest):
     def summary_of_events(self, ground):
         """The summary of the store of events; None while the store is empty."""
         since = ground.position()
-        self.completed(ground, "storage.summary store=events")
+        self.complete(ground, "tc storage.summary store=events")
         summary = self.report(ground, "packet_store_summary", "events", since)
         self.assertEqual(summary["oldest"] is None, summary["newest"] is None)
         return summary if summary["oldest"] else None

@@ -215,9 +215,8 @@ class PackageInstallTest(SystemTest):
     """A package signed with a foreign key: it goes up whole, even over an interrupted line, and the spacecraft refuses it."""
 
     def install(self, flight, *more):
-        command = [BIN / "srfs-ground", "--port", flight.var / "rs422", "--deployment", flight.deployment, "--json", "package", "install", self.package,
-                   "--public", self.folder / "other.pub", *more]  # fmt: skip
-        run = subprocess.run([str(word) for word in command], stdin=subprocess.DEVNULL, capture_output=True, text=True, timeout=180)
+        command = flight.ground_command("--json", "package", "install", self.package, "--public", self.folder / "other.pub", *more)
+        run = subprocess.run(command, stdin=subprocess.DEVNULL, capture_output=True, text=True, timeout=180)
         return run.returncode, [json.loads(line) for line in run.stdout.splitlines()]
 
     def test_a_package_goes_up_and_on_after_an_interruption_and_the_telecommand_tells_the_outcome(self):

@@ -9,7 +9,7 @@ import subprocess
 import unittest
 
 from mission_dictionary import load
-from support import BIN, DEADLINE_S, SystemTest
+from support import DEADLINE_S, SystemTest, kill
 
 from srfs import ROOT
 from srfs.flight.deployments import NODES
@@ -20,8 +20,7 @@ PARAMETERS = {p["full_name"]: p for p in load(ROOT / "msgs" / "mission").paramet
 
 class ParameterTools(SystemTest):
     def tool(self, flight, *arguments):
-        command = [str(BIN / "srfs-ground"), "--port", str(flight.var / "rs422"), "--deployment", str(flight.deployment), "--json", "param", *arguments]
-        run = subprocess.run(command, stdin=subprocess.DEVNULL, capture_output=True, text=True, timeout=240)
+        run = subprocess.run(flight.ground_command("--json", "param", *arguments), stdin=subprocess.DEVNULL, capture_output=True, text=True, timeout=240)
         return run.returncode, [json.loads(line) for line in run.stdout.splitlines()]
 
     def values(self, flight, *names):
@@ -73,7 +72,7 @@ class ParametersTest(ParameterTools):
     def test_a_node_that_is_gone_fails_its_requests_and_the_others_are_answered(self):
         with self.flight() as flight:
             ground = flight.ground()
-            self.assertEqual(ground.command("tc ring.hold node=image_processing", DEADLINE_S)["stage"], "completed")
+            self.complete(ground, "tc ring.hold node=image_processing")
             os.kill(flight.node_pid("image_processing"), signal.SIGKILL)
             wait_until(lambda: flight.node_pid("image_processing") is None, DEADLINE_S, "it is gone")
             outcome = ground.command("tc parameters.report parameter=image_processing.log_level", DEADLINE_S)
@@ -94,10 +93,7 @@ class KeptParametersTest(ParameterTools):
 
     def kill(self, flight, *nodes):
         """Kills the nodes with SIGKILL and waits until new processes work."""
-        pids = {node: flight.node_pid(node) for node in nodes}
-        for pid in pids.values():
-            os.kill(pid, signal.SIGKILL)
-        wait_until(lambda: all(flight.node_pid(node) not in (None, pids[node]) for node in nodes), 2 * DEADLINE_S, f"{nodes} are back")
+        kill(flight, *nodes)
         wait_until(lambda: all(node["state"] == "active" for node in flight.status()), 2 * DEADLINE_S, "all work again")
 
     def value(self, flight, full_name):
@@ -150,7 +146,7 @@ class KeptParametersTest(ParameterTools):
             outcome = ground.command("tc parameters.set parameter=timing.late_tick_ms value=77", DEADLINE_S)
             self.assertEqual(outcome["stage"], "completed")
             self.assertIsNotNone(ground.wait_for(lambda m: m["type"] == "event" and m["event"] == "parameter.on_trial", DEADLINE_S))
-            self.assertEqual(ground.command("tc parameters.keep node=timing", DEADLINE_S)["stage"], "completed")
+            self.complete(ground, "tc parameters.keep node=timing")
             since = ground.position()
             self.kill(flight, "ttc", "maintenance")
             self.wait_for_value(flight, "timing.late_tick_ms", 50)
@@ -166,8 +162,8 @@ class KeptParametersTest(ParameterTools):
     def test_a_guarded_value_that_is_confirmed_holds_and_one_that_is_not_dies_with_its_node_or_the_whole_suite(self):
         with self.flight() as flight:
             ground = flight.ground()
-            self.do_in(ground, "parameters.set parameter=ttc.beacon_period_ms value=2000")
-            self.do_in(ground, "parameters.keep node=ttc")
+            self.complete(ground, "tc parameters.set parameter=ttc.beacon_period_ms value=2000")
+            self.complete(ground, "tc parameters.keep node=ttc")
             since = ground.position()
             self.kill(flight, "ttc")
             self.wait_for_value(flight, "ttc.beacon_period_ms", 30000)
@@ -180,21 +176,17 @@ class KeptParametersTest(ParameterTools):
             outcome = ground.command("tc parameters.keep node=nobody", DEADLINE_S)
             self.assertEqual(outcome["name"], "unknown_node")
 
-            self.do_in(ground, "parameters.set parameter=ttc.beacon_period_ms value=2000")
-            self.do_in(ground, "parameters.keep node=ttc")
-            self.do_in(ground, "parameters.confirm node=ttc")
+            self.complete(ground, "tc parameters.set parameter=ttc.beacon_period_ms value=2000")
+            self.complete(ground, "tc parameters.keep node=ttc")
+            self.complete(ground, "tc parameters.confirm node=ttc")
             self.kill(flight, "ttc")
             self.wait_for_value(flight, "ttc.beacon_period_ms", 2000)
 
-            self.do_in(ground, "parameters.set parameter=ttc.beacon_period_ms value=3000", 2 * DEADLINE_S)
-            self.do_in(ground, "parameters.keep node=ttc")
+            self.complete(ground, "tc parameters.set parameter=ttc.beacon_period_ms value=3000", 2 * DEADLINE_S)
+            self.complete(ground, "tc parameters.keep node=ttc")
             self.kill(flight, *NODES)
             self.wait_for_value(flight, "ttc.beacon_period_ms", 2000)
-            self.do_in(ground, "parameters.history node=ttc", 2 * DEADLINE_S)
-
-    def do_in(self, ground, text, deadline_s=DEADLINE_S):
-        outcome = ground.command(f"tc {text}", deadline_s)
-        self.assertEqual(outcome["stage"], "completed", outcome)
+            self.complete(ground, "tc parameters.history node=ttc", 2 * DEADLINE_S)
 
 
 if __name__ == "__main__":

@@ -6,14 +6,12 @@ import errno
 import hashlib
 import json
 import mmap
-import os
 import random
-import signal
 import struct
 import subprocess
 import unittest
 
-from support import BIN, DEADLINE_S, SystemTest
+from support import BIN, DEADLINE_S, SystemTest, kill, wait_for_ttc
 
 from srfs.flight.processes import wait_until
 
@@ -28,8 +26,7 @@ def content(octets, seed):
 class RemoteFilesTest(SystemTest):
     def tool(self, flight, *arguments, json_lines=False):
         """Runs srfs-ground once; no session may hold the port."""
-        command = [str(BIN / "srfs-ground"), "--port", str(flight.var / "rs422"), "--deployment", str(flight.deployment),
-                   *(["--json"] if json_lines else []), *arguments]  # fmt: skip
+        command = flight.ground_command(*(["--json"] if json_lines else []), *arguments)
         return subprocess.run(command, stdin=subprocess.DEVNULL, capture_output=True, text=True, timeout=TRANSFER_S)
 
     def done(self, flight, *arguments):
@@ -37,11 +34,6 @@ class RemoteFilesTest(SystemTest):
         run = self.tool(flight, *arguments)
         self.assertEqual(run.returncode, 0, run.stdout + run.stderr)
         return run.stdout.splitlines()
-
-    def complete(self, ground, command):
-        outcome = ground.command(f"tc {command}", DEADLINE_S)
-        self.assertIsNotNone(outcome, command)
-        self.assertEqual(outcome.get("stage"), "completed", outcome)
 
     def refuse(self, ground, command, name, stage="start_failed"):
         outcome = ground.command(f"tc {command}", DEADLINE_S)
@@ -51,7 +43,7 @@ class RemoteFilesTest(SystemTest):
     def copies(self, ground):
         """The copies under way, as reported by the spacecraft: {operation: fields}."""
         since = ground.position()
-        self.complete(ground, "file.report_copies")
+        self.complete(ground, "tc file.report_copies")
         told = ground.select(lambda m: m.get("structure") == "file_copy_status", since)
         return {m["fields"]["operation"]: m["fields"] for m in told if m["fields"]["operations"]}
 
@@ -94,7 +86,7 @@ class RemoteFilesTest(SystemTest):
     def test_no_name_leads_out_of_the_folder_of_files(self):
         with self.flight() as flight:
             ground = flight.ground()
-            self.complete(ground, "file.list")
+            self.complete(ground, "tc file.list")
             secret = flight.var / "secret"
             secret.write_text("secret")
             (flight.var / "files/link").symlink_to(flight.var)
@@ -119,29 +111,27 @@ class RemoteFilesTest(SystemTest):
         with self.flight() as flight:
             ground = flight.ground()
             self.write(flight, "images/large", content(LARGE, 1))
-            self.complete(ground, "file.copy operation=5 source_repository=images source_file=large target_file=came")
+            self.complete(ground, "tc file.copy operation=5 source_repository=images source_file=large target_file=came")
             under_way = ground.wait_for(lambda m: m["type"] == "file" and m["name"] == "came" and m["progress"] > 0, DEADLINE_S)
             self.assertIsNotNone(under_way)
-            self.complete(ground, "file.suspend_all")
+            self.complete(ground, "tc file.suspend_all")
             self.refuse(ground, "file.delete repository=images file=large", "file_in_use")
             rests = self.copies(ground)[5]
             self.assertEqual((rests["state"], rests["direction"], rests["file"]), ("suspended", "down", "images/large"))
             self.assertLess(rests["progress"], LARGE)
 
             flight.control({"rs422": {"cut": True}})
-            pid = flight.node_pid("ttc")
-            os.kill(pid, signal.SIGKILL)
-            wait_until(lambda: flight.node_pid("ttc") not in (None, pid), 3 * DEADLINE_S, "ttc is restarted")
+            kill(flight, "ttc")
             flight.control({"rs422": {"cut": False}})
-            wait_until(lambda: ground.command("ping --timeout 1").get("stage") == "completed", DEADLINE_S, "ttc works")
+            wait_for_ttc(ground)
             still = self.copies(ground)[5]
             self.assertEqual(still["state"], "suspended", "a contact does not wake what rests by request")
             for _ in range(5):
-                self.assertEqual(ground.command("ping --timeout 20")["stage"], "completed")
+                self.complete(ground, "ping --timeout 20")
             self.assertEqual(self.copies(ground)[5]["progress"], still["progress"])
 
             self.refuse(ground, "file.resume operation=6", "unknown_operation")
-            self.complete(ground, "file.resume operation=5")
+            self.complete(ground, "tc file.resume operation=5")
             done = ground.wait_for(lambda m: m["type"] == "file" and m["event"] == "finished" and m["name"] == "came", TRANSFER_S)
             self.assertTrue(done and done["success"], done)
             self.assertEqual((flight.var / "ground/files/came").read_bytes(), content(LARGE, 1))
@@ -154,18 +144,18 @@ class RemoteFilesTest(SystemTest):
             # Large enough that neither copy ends before it is suspended, even on a slow machine.
             self.write(flight, "down", content(3 * LARGE, 2))
             (self.folder / "up").write_bytes(content(3 * LARGE, 3))
-            self.complete(ground, "file.copy operation=9 source_file=down")
+            self.complete(ground, "tc file.copy operation=9 source_file=down")
             ground.send(f"put {self.folder / 'up'}")
             for name in ("down", "up"):
                 self.assertIsNotNone(ground.wait_for(lambda m, n=name: m["type"] == "file" and m["name"] == n and m["progress"] > 0, DEADLINE_S))
-            self.complete(ground, "file.suspend_all")
+            self.complete(ground, "tc file.suspend_all")
             sender = ground.select(lambda m: m["type"] == "file" and m["name"] == "up")[0]["id"]
             upload = 2**32 + int(sender.removeprefix("1:"))
             self.assertEqual({number: copy["direction"] for number, copy in self.copies(ground).items()}, {9: "down", upload: "up"})
 
             self.assertEqual({copy["state"] for copy in self.copies(ground).values()}, {"suspended"})
-            self.complete(ground, "file.abort operation=9")
-            self.complete(ground, f"file.abort operation={upload}")
+            self.complete(ground, "tc file.abort operation=9")
+            self.complete(ground, f"tc file.abort operation={upload}")
             for direction, name in (("down", "down"), ("up", "up")):
                 ended = ground.wait_for(lambda m, d=direction, n=name: m["type"] == "file" and m["event"] == "finished" and (m["direction"], m["name"]) == (d, n),
                                         TRANSFER_S)  # fmt: skip
@@ -175,7 +165,7 @@ class RemoteFilesTest(SystemTest):
                 self.assertIsNotNone(said, name)
             wait_until(lambda: self.copies(ground) == {}, TRANSFER_S, "nothing is under way")
             self.assertFalse((flight.var / "files/up").exists())
-            self.complete(ground, "file.delete file=down")
+            self.complete(ground, "tc file.delete file=down")
 
     def faulty_deployment(self):
         self.fault = self.folder / "disk_fault"
@@ -189,24 +179,24 @@ class RemoteFilesTest(SystemTest):
         with self.flight(self.faulty_deployment()) as flight:
             ground = flight.ground()
             self.write(flight, "old", b"x")
-            self.complete(ground, "file.list")
+            self.complete(ground, "tc file.list")
             with open(self.fault, "r+b") as file, mmap.mmap(file.fileno(), 4) as force:
                 for number, name in ((errno.ENOSPC, "no_space"), (errno.EROFS, "file_denied"), (errno.EIO, "disk_failed")):
                     force[:] = struct.pack("=I", number)
                     self.refuse(ground, "file.make_folder folder=new", name)
                     self.refuse(ground, "file.delete file=old", name)
                     since = ground.position()
-                    self.complete(ground, "file.list")
+                    self.complete(ground, "tc file.list")
                     self.assertIn("old", [m["fields"]["object_name"] for m in ground.select(lambda m: m.get("structure") == "repository_summary", since)])
-                    self.complete(ground, "file.report file=old")
-                    self.assertEqual(ground.command("ping", DEADLINE_S)["stage"], "completed")
+                    self.complete(ground, "tc file.report file=old")
+                    self.complete(ground, "ping")
                 # An upload is refused, not lost silently.
                 (self.folder / "up").write_bytes(b"up")
                 ground.send(f"put {self.folder / 'up'}")
                 ended = ground.wait_for(lambda m: m["type"] == "file" and m["event"] == "finished", TRANSFER_S)
                 self.assertTrue(ended and not ended["success"], ended)
                 force[:] = bytes(4)
-            self.complete(ground, "file.delete file=old")
+            self.complete(ground, "tc file.delete file=old")
             self.assertEqual([n["restarts"] for n in flight.status() if n["name"] == "ttc"], [0])
 
     def test_the_answers_of_the_tool_are_json_for_programs(self):

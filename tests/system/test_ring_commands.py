@@ -16,10 +16,6 @@ class RingCommandsTest(SystemTest):
     def state(self, flight, node):
         return {n["name"]: n["state"] for n in flight.status()}[node]
 
-    def complete(self, ground, line):
-        outcome = ground.command(f"tc {line}", DEADLINE_S)
-        self.assertEqual(outcome.get("stage"), "completed", outcome)
-
     def refuse(self, ground, line):
         """Sends a telecommand that must fail. Returns the text of the failure."""
         outcome = ground.command(f"tc {line}", DEADLINE_S)
@@ -29,19 +25,19 @@ class RingCommandsTest(SystemTest):
     def test_a_node_is_held_released_inactive_and_its_fault_reported_by_telecommand(self):
         with self.flight() as flight:
             ground = flight.ground()
-            self.complete(ground, "ring.hold node=payload_eps")
+            self.complete(ground, "tc ring.hold node=payload_eps")
             os.kill(flight.node_pid("payload_eps"), signal.SIGKILL)
             held = lambda: "held" in flight.srfs("faults", "--node", "payload_eps").stdout  # noqa: E731
             wait_until(held, DEADLINE_S, "the ring has found it dead, and left it alone")
             self.assertIsNone(flight.node_pid("payload_eps"))
 
-            self.complete(ground, "ring.release_inactive node=payload_eps")
+            self.complete(ground, "tc ring.release_inactive node=payload_eps")
             wait_until(lambda: self.state(flight, "payload_eps") == "inactive", DEADLINE_S, "the ring has started it, and it stays Inactive")
             self.assertIn("not while the node runs", self.refuse(ground, "ring.release_inactive node=payload_eps"))
-            self.complete(ground, "ring.release node=payload_eps")
+            self.complete(ground, "tc ring.release node=payload_eps")
 
             since = ground.position()
-            self.complete(ground, "ring.report_faults count=20")
+            self.complete(ground, "tc ring.report_faults count=20")
             line = ground.wait_for(lambda m: m.get("structure") == "ring_fault" and m["fields"]["node"] == "payload_eps"
                                    and m["fields"]["outcome"] == "held", DEADLINE_S, since)  # fmt: skip
             self.assertIsNotNone(line)
@@ -51,7 +47,7 @@ class RingCommandsTest(SystemTest):
             for node in ("timing", "can_switcher", "ttc", "maintenance"):
                 for command in ("ring.hold", "ring.release_inactive"):
                     self.assertIn("it can be restarted, not held or removed", self.refuse(ground, f"{command} node={node}"))
-            self.complete(ground, "node.set_log_level node=timing level=debug")
+            self.complete(ground, "tc node.set_log_level node=timing level=debug")
             self.assertIn("debug", flight.srfs("param", "get", "timing", "log_level").stdout)
 
     def test_a_node_changes_its_version_and_goes_back_by_telecommand(self):
@@ -62,22 +58,22 @@ class RingCommandsTest(SystemTest):
                 program = self.folder / "program"
                 program.write_text(f'#!/bin/sh\nexec {BIN}/{node}_node "$@"\n')
                 self.assertEqual(flight.srfs("versions", "add", node, str(program), "--origin", "a test").returncode, 0)
-                self.complete(ground, f"node.use_version node={node} version=1")
+                self.complete(ground, f"tc node.use_version node={node} version=1")
                 wait_until(lambda: versions(node)["running"] == 1 and self.state(flight, node) == "active", DEADLINE_S, f"version 1 of {node}")
 
             since = ground.position()
-            self.complete(ground, "node.report_versions node=payload_eps")
+            self.complete(ground, "tc node.report_versions node=payload_eps")
             for version, state in ((0, "golden"), (1, "probation")):
                 line = ground.wait_for(lambda m: m.get("structure") == "node_version" and m["fields"]["version"] == version, DEADLINE_S, since)
                 self.assertEqual((line["fields"]["node"], line["fields"]["state"]), ("payload_eps", state))
-            self.complete(ground, "node.confirm_version node=payload_eps version=1")
+            self.complete(ground, "tc node.confirm_version node=payload_eps version=1")
             self.assertEqual(versions("payload_eps")["last_good"], 1)
 
             for node in ("payload_eps", "maintenance"):
-                self.complete(ground, f"node.previous_version node={node}")
+                self.complete(ground, f"tc node.previous_version node={node}")
                 wait_until(lambda: versions(node)["running"] == 0 and self.state(flight, node) == "active", DEADLINE_S, f"golden {node}")
             self.assertEqual(versions("maintenance")["versions"][0]["state"], "failed", "vetoed in its probation")
-            self.complete(ground, "node.remove_version node=maintenance version=1")
+            self.complete(ground, "tc node.remove_version node=maintenance version=1")
             self.assertIn("no such version", self.refuse(ground, "node.use_version node=payload_eps version=7"))
             self.assertIn("no such version", self.refuse(ground, "node.previous_version node=timing"))
 
@@ -96,7 +92,7 @@ class RingCommandsTest(SystemTest):
             wait_until(lambda: versions()["running"] == 0 and self.state(flight, "ttc") == "active", 2 * DEADLINE_S, "golden ttc")
             self.assertEqual(versions()["versions"][0]["state"], "failed")
             self.assertIn("not confirmed in time", flight.srfs("faults", "--node", "ttc").stdout)
-            self.complete(ground, "ring.report_faults count=1")
+            self.complete(ground, "tc ring.report_faults count=1")
 
     def test_the_report_of_a_death_comes_down_as_a_file(self):
         with self.flight() as flight:
@@ -108,7 +104,7 @@ class RingCommandsTest(SystemTest):
             (report,) = wait_until(lambda: list(reports.glob("*.report")), DEADLINE_S, "the report of its death")
 
             since = ground.position()
-            self.complete(ground, "node.send_report node=payload_eps")
+            self.complete(ground, "tc node.send_report node=payload_eps")
             name = f"payload_eps_{report.stem}.report"
             queued = ground.wait_for(lambda m: m.get("event") == "maintenance.report_queued", DEADLINE_S, since)
             self.assertIsNotNone(queued)
@@ -127,7 +123,7 @@ class RingCommandsTest(SystemTest):
 
             self.assertIn("no report", self.refuse(ground, "node.send_report node=payload_eps incarnation=4000"))
             self.assertIn("no such node", self.refuse(ground, "node.send_report node=payload_xyz"))
-            self.complete(ground, f"node.send_report node=payload_eps incarnation={report.stem}")
+            self.complete(ground, f"tc node.send_report node=payload_eps incarnation={report.stem}")
 
     def test_a_report_is_shown_with_the_telecommand_that_asks_for_it(self):
         with self.flight():

@@ -7,7 +7,7 @@ import random
 import threading
 import unittest
 
-from support import DEADLINE_S, wait_for_slots
+from support import DEADLINE_S, kill, wait_for_slots
 from test_once import ARGUMENTS, PERIPHERALS, OnceTest
 
 from srfs.flight.processes import wait_until
@@ -47,10 +47,6 @@ class ScheduleTest(OnceTest):
         report = ground.wait_for(lambda m: m["type"] == "schedule" and m["report"] == "summary", DEADLINE_S, since)
         return [(a["release"], a["apid"], a["sequence"]) for a in report["activities"]]
 
-    def done(self, ground, text):
-        outcome = ground.command(f"tc {text}", DEADLINE_S)
-        self.assertEqual(outcome and outcome.get("stage"), "completed", outcome)
-
     def judge_executions(self, flight, recorder, count):
         """Each of the @p count telecommands is executed once."""
         found = {peripheral: self.executed(flight, peripheral) for peripheral in PERIPHERALS}
@@ -74,9 +70,9 @@ class TimeTaggedTest(ScheduleTest):
             self.assertEqual(listed, sorted(listed))
 
             # One is deleted and one is moved. One that is scheduled later is due first.
-            self.done(ground, f"schedule.delete request_apid=16 request_sequence={listed[0][2]}")
+            self.complete(ground, f"tc schedule.delete request_apid=16 request_sequence={listed[0][2]}")
             sequence = {apid: count for _, apid, count in listed}
-            self.done(ground, f"schedule.shift request_apid=18 request_sequence={sequence[18]} offset_s=3600")
+            self.complete(ground, f"tc schedule.shift request_apid=18 request_sequence={sequence[18]} offset_s=3600")
             self.assertEqual([apid for _, apid, _ in self.listed(ground)], [17, 18])
             soon = self.schedule_at(ground, 1, "+8s")
             self.wait_for_stage(ground, soon, "completed", DEADLINE_S + PATIENCE_S)
@@ -84,7 +80,7 @@ class TimeTaggedTest(ScheduleTest):
 
             refused = ground.command(f"tc schedule.shift request_apid=17 request_sequence={sequence[17]} offset_s=-3600", DEADLINE_S)
             self.assertEqual((refused["stage"], refused["name"]), ("start_failed", "release_time_past"))
-            self.done(ground, "schedule.reset")
+            self.complete(ground, "tc schedule.reset")
             self.assertEqual(self.listed(ground), [])
             self.judge_executions(flight, recorder, 1)
 
@@ -103,7 +99,7 @@ class KilledAroundTheReleaseTest(ScheduleTest):
             for _ in range(KILLS):
                 # Kills before, at and after a release, and while ttc reads the schedule again.
                 threading.Event().wait(chance.uniform(0, 3))
-                self.kill_ttc(flight)
+                kill(flight, "ttc")
             for line in lines:
                 self.wait_for_stage(ground, line, "completed", PATIENCE_S + DEADLINE_S)
             self.assertEqual(self.listed(ground), [])

@@ -23,13 +23,9 @@ class ScrubbingTest(SystemTest):
         os.utime(damaged, ns=(was.st_atime_ns, was.st_mtime_ns))
         damaged.rename(path)
 
-    def complete(self, ground, line):
-        outcome = ground.command(f"tc {line}", DEADLINE_S)
-        self.assertEqual(outcome.get("stage"), "completed", outcome)
-
     def status(self, ground):
         since = ground.position()
-        self.complete(ground, "scrub.report")
+        self.complete(ground, "tc scrub.report")
         status = ground.wait_for(lambda m: m.get("structure") == "scrub_status", DEADLINE_S, since)
         self.assertIsNotNone(status, "scrub_status")
         return status["fields"]
@@ -39,16 +35,13 @@ class ScrubbingTest(SystemTest):
         before = self.status(ground)
         self.assertFalse(before["running"])
         since = ground.position()
-        self.complete(ground, "scrub.run")
+        self.complete(ground, "tc scrub.run")
         wait_until(lambda: self.status(ground)["rounds"] > before["rounds"], 2 * DEADLINE_S, "the end of the round")
         return since
 
-    def wait_for_event(self, ground, name, since, end_of_path=""):
-        event = ground.wait_for(
-            lambda m: m.get("event") == name and m["fields"].get("file", "").endswith(end_of_path), DEADLINE_S, since
-        )
-        self.assertIsNotNone(event, f"{name} {end_of_path}")
-        return event["fields"]
+    def wait_for_file(self, ground, name, since, end_of_path):
+        """The fields of the event about a file."""
+        return self.wait_for_event(ground, name, since, lambda m: m["fields"].get("file", "").endswith(end_of_path))["fields"]
 
     def test_a_program_and_a_key_are_mended_and_what_is_damaged_twice_is_reported(self):
         program = self.folder / "installed" / "bin" / "payload_eps_node"
@@ -66,7 +59,7 @@ class ScrubbingTest(SystemTest):
             key = flight.var / "keys" / "tc_contingency.key"
             os.utime(key, (1_700_000_000, 1_700_000_000))
             since = self.scrub(ground)
-            taken = self.wait_for_event(ground, "maintenance.files_taken", since)
+            taken = self.wait_for_event(ground, "maintenance.files_taken", since)["fields"]
             self.assertGreaterEqual(taken["files"], 2)
             self.assertEqual(len(taken["build"]), 16)
 
@@ -74,16 +67,16 @@ class ScrubbingTest(SystemTest):
             for path, octets in whole.items():
                 self.rot(path)
                 since = self.scrub(ground)
-                found = self.wait_for_event(ground, "maintenance.file_damaged", since, path.name)
+                found = self.wait_for_file(ground, "maintenance.file_damaged", since, path.name)
                 self.assertIn("SHA-256", found["why"])
-                self.wait_for_event(ground, "maintenance.file_mended", since, path.name)
+                self.wait_for_file(ground, "maintenance.file_mended", since, path.name)
                 self.assertEqual(path.read_bytes(), octets)
 
             (copy,) = [f for f in (flight.var / "golden").iterdir() if f.read_bytes() == whole[key]]
             self.rot(copy)
             self.rot(key)
             since = self.scrub(ground)
-            self.assertIn("copy is damaged too", self.wait_for_event(ground, "maintenance.file_lost", since, key.name)["why"])
+            self.assertIn("copy is damaged too", self.wait_for_file(ground, "maintenance.file_lost", since, key.name)["why"])
             self.assertNotEqual(key.read_bytes(), whole[key])
             self.assertEqual(program.read_bytes(), whole[program])
             status = self.status(ground)
@@ -91,7 +84,7 @@ class ScrubbingTest(SystemTest):
             self.assertTrue(status["last_damaged"].endswith(key.name))
 
             since = ground.position()
-            self.complete(ground, "scrub.retake")
+            self.complete(ground, "tc scrub.retake")
             self.wait_for_event(ground, "maintenance.files_taken", since)
 
 

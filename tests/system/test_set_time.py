@@ -3,13 +3,9 @@
 """Setting the time by telecommand without GPS."""
 
 import datetime
-import os
-import signal
 import unittest
 
-from support import DEADLINE_S, SystemTest
-
-from srfs.flight.processes import wait_until
+from support import DEADLINE_S, SystemTest, kill
 
 HOUR = datetime.timedelta(hours=1)
 TOLERANCE_S = 60  # between the clocks of host and mission on a machine under load; the steps here are an hour
@@ -46,15 +42,13 @@ class SetTimeTest(SystemTest):
             self.assertEqual(refused.get("name"), "not_armed", refused)
             self.assertLess(seconds_from_now(self.timing(ground)["utc"]), TOLERANCE_S)
 
-            self.assertEqual(ground.command(f"arm {step}", DEADLINE_S).get("stage"), "completed")
-            self.assertEqual(ground.command(f"tc {step}", DEADLINE_S).get("stage"), "completed")
+            self.complete(ground, f"arm {step}")
+            self.complete(ground, f"tc {step}")
             stepped = self.timing(ground, lambda f: f["times_commanded"] == 2)
             self.assertLess(abs(seconds_from_now(stepped["utc"]) - 3600), TOLERANCE_S)
             self.assertTrue(stepped["time_valid"])
 
-            pid = flight.node_pid("timing")
-            os.kill(pid, signal.SIGKILL)
-            wait_until(lambda: flight.node_pid("timing") not in (None, pid), 3 * DEADLINE_S, "timing is restarted")
+            kill(flight, "timing")
             after = self.timing(ground, lambda f: f["times_commanded"] == 0)
             self.assertLess(abs(seconds_from_now(after["utc"]) - 3600), TOLERANCE_S)
             self.assertTrue(after["time_valid"])

@@ -78,7 +78,7 @@ class MissingTicksTest(SystemTest):
     def deployment_with_a_patient_watchdog(self):
         return self.deployment(("watchdog_timeout_s: 10", "watchdog_timeout_s: 120"), ("watchdog: { timeout_ms: 10000 }", "watchdog: { timeout_ms: 120000 }"))
 
-    def wait_for_event(self, recorder, number, since):
+    def wait_for_event_number(self, recorder, number, since):
         self.assertIsNotNone(recorder.wait_for(lambda m: m["type"] == "event" and m["event_id"] == number, DEADLINE_S, since))
 
     def wait_for_every_payload(self, recorder, count):
@@ -99,7 +99,7 @@ class MissingTicksTest(SystemTest):
                     since = recorder.position()
                     os.kill(timing, number)
 
-                    self.wait_for_event(recorder, TICKS_MISSING, since)
+                    self.wait_for_event_number(recorder, TICKS_MISSING, since)
                     without = time.monotonic_ns()
                     self.wait_for_every_payload(recorder, 4)
                     self.assertEqual(recorder.select(lambda m: m["type"] == "tick" and m["published_ns"] > without), [], "none of this was timing's doing")
@@ -107,10 +107,10 @@ class MissingTicksTest(SystemTest):
                     since = recorder.position()
                     if number == signal.SIGSTOP:
                         os.kill(timing, signal.SIGCONT)
-                        self.wait_for_event(recorder, TICKS_BACK, since)
+                        self.wait_for_event_number(recorder, TICKS_BACK, since)
                     released = flight.srfs("ring", "release", "timing")
                     self.assertEqual(released.returncode, 0, released.stdout + released.stderr)
-                    self.wait_for_event(recorder, TICKS_BACK, since)
+                    self.wait_for_event_number(recorder, TICKS_BACK, since)
                     self.wait_for_every_payload(recorder, 4)
             turns = [m["holder"] for m in recorder.select(lambda m: m["type"] == "flags" and m["holder"])]
             self.assertEqual({payload: flight.node_pid(payload) for payload in PAYLOADS}, pids, "nobody else had to die")

@@ -2,11 +2,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """The transmitter switched off by telecommand: silence for the commanded time even if a node is killed, and no longer."""
 
-import os
-import signal
 import unittest
 
-from support import DEADLINE_S, SystemTest
+from support import DEADLINE_S, SystemTest, kill
 
 from srfs.flight.processes import wait_until
 
@@ -26,14 +24,12 @@ class TransmitterTest(SystemTest):
             off = f"ttc.transmitter_off duration_s={SILENCE_S}"
             refused = ground.command(f"tc {off}", DEADLINE_S)
             self.assertEqual(refused.get("name"), "not_armed", refused)
-            self.assertEqual(ground.command(f"arm {off}", DEADLINE_S).get("stage"), "completed")
+            self.complete(ground, f"arm {off}")
             since = ground.position()
-            self.assertEqual(ground.command(f"tc {off}", DEADLINE_S).get("stage"), "completed", "its end comes down before the silence")
+            self.complete(ground, f"tc {off}")
             ended = ground.position()
-            pid = flight.node_pid("ttc")
             wait_until(lambda: "off for" in self.log_of(flight, "ttc"), DEADLINE_S, "ttc says that it is off")
-            os.kill(pid, signal.SIGKILL)
-            wait_until(lambda: flight.node_pid("ttc") not in (None, pid), 3 * DEADLINE_S, "ttc is back")
+            kill(flight, "ttc")
             on = ground.wait_for(lambda m: m["type"] == "event" and m["event"] == "ttc.transmitter_on", SILENCE_S + 3 * DEADLINE_S, ended)
             self.assertIsNotNone(on, "it comes back by itself")
             self.assertEqual(on["fields"]["why"], "its time is over")
@@ -41,14 +37,14 @@ class TransmitterTest(SystemTest):
 
             # Blind commanding: nothing comes down, but telecommands go up.
             off = "ttc.transmitter_off duration_s=86400"
-            self.assertEqual(ground.command(f"arm {off}", DEADLINE_S).get("stage"), "completed")
-            self.assertEqual(ground.command(f"tc {off}", DEADLINE_S).get("stage"), "completed")
+            self.complete(ground, f"arm {off}")
+            self.complete(ground, f"tc {off}")
             since = ground.position()
             ground.send("tc ttc.transmitter_on --timeout 60")
             on = ground.wait_for(lambda m: m["type"] == "event" and m["event"] == "ttc.transmitter_on", DEADLINE_S, since)
             self.assertIsNotNone(on, "switched on by command")
             self.assertEqual(on["fields"]["why"], "commanded")
-            self.assertEqual(ground.command("ping", DEADLINE_S)["stage"], "completed")
+            self.complete(ground, "ping")
 
     def log_of(self, flight, node):
         return "".join(file.read_text(errors="replace") for file in (flight.var / "log").glob(f"{node}*"))

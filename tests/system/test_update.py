@@ -94,7 +94,7 @@ class GoodPackageTest(UpdateTest):
             outcome, since = self.install(ground, flight, self.package(GOOD))
             self.assertEqual(outcome["stage"], "completed", outcome)
             # Other telecommands to maintenance do not wait for a compiler.
-            self.assertEqual(ground.command("tc ring.report_faults count=1", DEADLINE_S)["stage"], "completed")
+            self.complete(ground, "tc ring.report_faults count=1")
             end = self.end(ground, since)
             self.assertEqual((end["event"], end["fields"]["version"]), ("update.installed", 1), end)
             print("outage", end["fields"]["outage_ms"], "ms")
@@ -189,7 +189,7 @@ class NewNodeTest(NewNodeUpdateTest):
             self.assertTrue(ground.command("tc impact.set_threshold threshold_v=0.5")["success"])
 
             self.assertTrue(ground.command(f"arm node.remove node={added}", DEADLINE_S)["success"])
-            self.assertEqual(ground.command(f"tc node.remove node={added}", DEADLINE_S)["stage"], "completed")
+            self.complete(ground, f"tc node.remove node={added}")
             wait_until(lambda: added not in {n["name"] for n in flight.status()}, DEADLINE_S, "it is gone")
             self.assertFalse((flight.var / "versions" / added).exists())
 

@@ -52,7 +52,7 @@ class WatchdogTest(SystemTest):
                     self.assertEqual(counters["restarts_started"], bites)
                     self.assertEqual(counters["restarts_failed"], 0)
 
-                    self.assertEqual(ground.command("ping --timeout 20", DEADLINE_S).get("stage"), "completed")
+                    self.complete(ground, "ping --timeout 20")
                     boot = ground.fresh("timing", DEADLINE_S)
                     self.assertEqual((boot["boot_count"], boot["reset_cause"]), (1 + bites, "watchdog"))
                     since = ground.position()

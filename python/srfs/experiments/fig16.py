@@ -68,9 +68,7 @@ class Fig16(StatesExperiment):
 
     def install(self, package):
         """The operator's one command; what it prints is the account of the update."""
-        command = [self.flight.program("srfs-ground"), "--port", str(self.flight.var / "rs422"), "--deployment", str(self.flight.deployment),
-                   "--json", "package", "install", str(package)]  # fmt: skip
-        lines = Lines(command, self.flight.var / "log" / "install.log")
+        lines = Lines(self.flight.ground_command("--json", "package", "install", package), self.flight.var / "log" / "install.log")
 
         def on_message(m):
             if m["type"] != "event" or not m["event"].startswith("update."):

@@ -89,9 +89,7 @@ class GroundSession(Lines):
     """`srfs-ground session`: sends command lines, collects everything that the spacecraft says."""
 
     def __init__(self, mission):
-        command = [mission.program("srfs-ground"), "--port", str(mission.var / "rs422"), "--deployment",
-                   str(mission.deployment), "--json", "session"]  # fmt: skip
-        super().__init__(command, mission.var / "log" / "ground.log", stdin=subprocess.PIPE)
+        super().__init__(mission.ground_command("--json", "session"), mission.var / "log" / "ground.log", stdin=subprocess.PIPE)
         self._line = 0
         self.sent_ns = {}  # line number -> CLOCK_MONOTONIC just before it was written
 

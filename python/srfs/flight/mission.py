@@ -296,6 +296,10 @@ class Mission:
                 return lines
             time.sleep(0.1)
 
+    def ground_command(self, *words):
+        """The command line of srfs-ground on this flight's line, which serves one at a time."""
+        return [self.program("srfs-ground"), "--port", str(self.var / "rs422"), "--deployment", str(self.deployment), *map(str, words)]
+
     def ground(self):
         """Opens the operator's session; ended with the mission."""
         self._lines.append(GroundSession(self))
