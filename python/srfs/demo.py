@@ -18,8 +18,7 @@ from srfs.flight.processes import StopSignals
 from srfs.program import Interrupted, MissionError, add_flight_options
 from srfs.record import can_frames
 from srfs.record.rotation import Rotation
-from srfs.report.display import Display, table
-from srfs.report.figures import percentile, quantiles
+from srfs.report import Display, percentile, quantiles, table
 
 PAYLOAD_OF_COMMAND = {"adcs": "payload_adcs", "eps": "payload_eps", "thermal": "payload_thermal"}
 SHORTEST_S = 20

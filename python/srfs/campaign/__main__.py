@@ -12,7 +12,7 @@ from srfs.flight import deployments, mission
 from srfs.flight.deployments import NODES
 from srfs.flight.processes import StopSignals
 from srfs.program import Interrupted, MissionError
-from srfs.report import checks
+from srfs.report import show_checks
 
 
 def parse():
@@ -68,7 +68,7 @@ def parse():
 
 
 def show_fencing(summary):
-    checks.show(summary["checks"])
+    show_checks(summary["checks"])
     print(f"  {summary['slots']} slots, {summary['frames']} frames, {summary['telecommands']['accepted']} telecommands accepted, "
           f"{summary['telecommands']['outcome_unknown']} with an unknown outcome, {summary['restarts']} restarts in {summary['recorded_s']} s")  # fmt: skip
     for kind, figures in summary["faults"].items():

@@ -7,7 +7,7 @@ import time
 
 from srfs.campaign.executions import Executions
 from srfs.flight.deployments import PAYLOADS
-from srfs.report.files import write_messages
+from srfs.report import write_messages
 
 KEPT = {"flags", "bus", "telecommand", "report", "peripheral_reset"}  # message types of `srfs record` that are kept
 TELECOMMANDS = {  # by_id: each is executed once

@@ -26,13 +26,10 @@ from srfs.campaign.campaign import Campaign
 from srfs.flight import deployments
 from srfs.flight.deployments import NODES, PAYLOADS
 from srfs.flight.lateness import Lateness, describe_lateness
-from srfs.flight.load import stress_ng
+from srfs.flight.machine import stress_ng
 from srfs.flight.processes import kib_of, send_signal, wait_until
 from srfs.program import MissionError
-from srfs.report import checks
-from srfs.report.checks import check_none
-from srfs.report.figures import quantiles
-from srfs.report.files import pyplot, save, write_csv
+from srfs.report import all_ok, check_none, pyplot, quantiles, save, show_checks, write_csv
 
 STEADY_DEADLINE_S = 60
 OBSERVE_S = 0.5  # after the recovery; any other node with a new process by then is a false restart
@@ -641,7 +638,7 @@ def summarize(campaign):
             slopes[node] = {"memory_kib_per_hour": round(slope_per_hour([(at, memory) for at, (memory, _) in seen])),
                             "descriptors_per_hour": round(slope_per_hour([(at, descriptors) for at, (_, descriptors) in seen]), 1),
                             "memory_kib": seen[-1][1][0], "descriptors": seen[-1][1][1]}  # fmt: skip
-    return {"ok": checks.all_ok(judged), "soak_slopes": slopes, "soak_ticks": campaign.soak_ticks, "checks": judged, "table": table, "recorded_s": round(time.monotonic() - campaign.begin, 1), "machine": describe_lateness(campaign.machine),
+    return {"ok": all_ok(judged), "soak_slopes": slopes, "soak_ticks": campaign.soak_ticks, "checks": judged, "table": table, "recorded_s": round(time.monotonic() - campaign.begin, 1), "machine": describe_lateness(campaign.machine),
             "telecommands": {"sent": len(telecommands), "accepted": sum(t.accepted for t in telecommands.values()),
                              "executed": len(campaign.executions),
                              "not_accepted": unheard, "ends_lost_with_ttc": with_ttc}}  # fmt: skip
@@ -659,7 +656,7 @@ def show(summary):
               + ", ".join(f"{count} {name}" for name, count in row["found_as"].items()))  # fmt: skip
         for node, why in row["not_applicable"].items():
             print(f"  {'':18} not applicable to {node}: {why}")
-    checks.show(summary["checks"])
+    show_checks(summary["checks"])
     for goal in summary.get("goals", ()):
         print(f"  {'met   ' if goal['met'] else 'MISSED'}  {goal['what']}")
     if summary["soak_slopes"]:

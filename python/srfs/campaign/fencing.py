@@ -20,8 +20,7 @@ from srfs.flight.deployments import PAYLOADS
 from srfs.flight.lateness import Lateness, describe_lateness
 from srfs.flight.processes import wait_until
 from srfs.program import MissionError
-from srfs.report.checks import check_none
-from srfs.report.files import pyplot, save, write_csv
+from srfs.report import check_none, pyplot, save, write_csv
 
 SWITCHER = "can_switcher"
 RESETS = 1 / 21  # share of telecommands that reset the peripheral: at_most_once

@@ -12,8 +12,8 @@ import time
 from srfs.campaign import faults
 from srfs.campaign.campaign import TELECOMMANDS
 from srfs.flight.deployments import NODES, PAYLOADS
-from srfs.flight.load import stress_ng
-from srfs.report.checks import all_ok, check_none
+from srfs.flight.machine import stress_ng
+from srfs.report import all_ok, check_none
 
 LOAD = "--cpu 16"  # options of stress-ng
 HEAVY_LOAD = "--cpu 48 --io 4 --vm 2"

@@ -21,9 +21,7 @@ import time
 from srfs import ROOT
 from srfs.flight.processes import command_line, pids, send_signal
 from srfs.program import Interrupted, MissionError
-from srfs.report import checks
-from srfs.report.checks import all_ok, check
-from srfs.report.figures import quantiles
+from srfs.report import all_ok, check, quantiles, show_checks
 
 NODE = "payload_thermal"
 SOURCE = ROOT / "examples" / "payload_idle" / "main.cpp"
@@ -267,7 +265,7 @@ class Updates:
 
 
 def show(summary):
-    checks.show(summary["checks"])
+    show_checks(summary["checks"])
     print(f"  {summary['updates']} updates, {summary['updates'] - summary['ways'].get('good', 0)} of them bad, {summary['killed']} with a process killed, "
           f"{summary['begun_again']} begun again; build {summary['build_ms']}, outage {summary['outage_ms']}")  # fmt: skip
     for t in summary["trials"]:

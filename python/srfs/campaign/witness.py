@@ -12,8 +12,7 @@ import dataclasses
 
 from srfs.flight.deployments import PAYLOADS
 from srfs.record.can_frames import computer_frames
-from srfs.report.checks import all_ok, check_none
-from srfs.report.figures import quantiles
+from srfs.report import all_ok, check_none, quantiles
 
 MS = 1_000_000
 ACCEPTED, STARTED, COMPLETED = 1, 3, 7  # stages of srfs_msgs/TelecommandReport

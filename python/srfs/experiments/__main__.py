@@ -14,7 +14,7 @@ from srfs.experiments.fig15 import Fig15
 from srfs.experiments.fig16 import Fig16
 from srfs.flight import deployments, mission
 from srfs.flight.processes import StopSignals
-from srfs.report import checks
+from srfs.report import show_checks
 
 FIGURES = {name: figure for figure in (Fig12, Fig13, Fig14, Fig15, Fig16) for name in figure.TITLES}
 
@@ -58,7 +58,7 @@ def main():
     experiment.write_csv(out / f"{options.name}.csv")
 
     def show():
-        checks.show(summary["checks"])
+        show_checks(summary["checks"])
         print(experiment.text(summary))
         print(f"  files in {out}")
 

@@ -2,8 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """What the experiments share. Times are CLOCK_MONOTONIC in ns."""
 
-from srfs.report.checks import all_ok
-from srfs.report.files import save, write_csv
+from srfs.report import all_ok, save, write_csv
 
 
 class Experiment:

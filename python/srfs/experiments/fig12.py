@@ -19,13 +19,10 @@ import tempfile
 import textwrap
 
 from srfs.experiments.experiment import Experiment
-from srfs.flight.load import stress_ng
-from srfs.flight.machine import described, machine, may_be_real_time, read, stolen_s
+from srfs.flight.machine import described, machine, may_be_real_time, read, stolen_s, stress_ng
 from srfs.program import MissingProgram, MissionError
-from srfs.report.checks import check
-from srfs.report.files import pyplot
+from srfs.report import check, pyplot
 
-TITLES = {"fig12": "scheduling latency (cyclictest, 1 ms, priority 99): idle, under load, idle without power management"}
 PHASE_S = 60
 PRIORITY = 99
 INTERVAL_US = 1000
@@ -148,7 +145,7 @@ class LockedFrequency:
 
 
 class Fig12(Experiment):
-    TITLES = TITLES
+    TITLES = {"fig12": "scheduling latency (cyclictest, 1 ms, priority 99): idle, under load, idle without power management"}
     COLUMNS = ("phase", "cpu", "latency_us", "wakeups")
 
     def __init__(self, *flight):

@@ -24,12 +24,9 @@ from srfs.flight.deployments import PAYLOADS
 from srfs.flight.machine import described, machine, may_be_real_time, stolen_s
 from srfs.measures import imaging
 from srfs.program import MissionError
-from srfs.report.checks import check, verdict
-from srfs.report.figures import percentile, quantiles
-from srfs.report.files import pyplot
+from srfs.report import check, percentile, pyplot, quantiles, verdict
 
 TALKERS = ("timing", "can_switcher", "ttc", *PAYLOADS)  # nodes whose telemetry is listened to
-TITLES = {"fig13": "latency of publish-subscribe: the mission's topics, idle and beside image processing"}
 PHASE_S = 60  # imaging.TASKS last for little more
 SETTLE_S = 2.0
 IDLE, IMAGING = PHASES = ("idle", "imaging")
@@ -77,7 +74,7 @@ def judge_goals(phases):
 class Fig13(Experiment):
     """Latencies in ms; rows_of[phase]: (seconds since the phase's first sample, topic, latency)."""
 
-    TITLES = TITLES
+    TITLES = {"fig13": "latency of publish-subscribe: the mission's topics, idle and beside image processing"}
     DEPLOYMENT = "sim"
     COLUMNS = ("phase", "topic", "published_s", "latency_ms")
 

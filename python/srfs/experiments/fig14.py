@@ -8,21 +8,13 @@ from srfs.experiments.experiment import StatesExperiment
 from srfs.flight.deployments import PAYLOADS
 from srfs.record import can_frames, timeline
 from srfs.record.timeline import MS
-from srfs.report.checks import check
-from srfs.report.figures import percentile
-from srfs.report.files import pyplot
+from srfs.report import check, percentile, pyplot
 
 SETTLE_S = 2.0  # the slots before the recording are over, their processing too
 LATE_MS = 300  # what payload2's peripheral takes longer in fig14b: more than the heartbeat of 250 ms, less than the allotted time
 TELECOMMANDS = ("adcs.set_mode mode=point", "adcs.set_mode mode=detumble")
 SEQUENTIAL_MARGIN_MS = 20  # between the end of the processing and the next heartbeat, where the work is done in strict sequence
 DURATION_S = {"fig14a": 6.0, "fig14b": 8.0, "fig14c": 6.0, "fig14d": 8.0}
-TITLES = {
-    "fig14a": "normal",
-    "fig14b": "CAN bus blocked: payload2 uses it for longer than anticipated",
-    "fig14c": "processing continues while the next payload has the bus",
-    "fig14d": "telecommands to payload1",
-}
 STATE_LABELS = ("off", "occupying CAN", "data processing", "other async commands")  # the paper's words, in the order of timeline.STATES
 HEARTBEAT = {"color": "grey", "linewidth": 0.6, "linestyle": ":"}
 BLOCKED = {"color": "red", "linewidth": 0.9, "linestyle": "--"}
@@ -30,7 +22,12 @@ TELECOMMAND = {"color": "red", "marker": "v", "markersize": 6, "linestyle": "non
 
 
 class Fig14(StatesExperiment):
-    TITLES = TITLES
+    TITLES = {
+        "fig14a": "normal",
+        "fig14b": "CAN bus blocked: payload2 uses it for longer than anticipated",
+        "fig14c": "processing continues while the next payload has the bus",
+        "fig14d": "telecommands to payload1",
+    }
     DEPLOYMENT = "fig14"
 
     def __init__(self, *flight):
@@ -154,5 +151,5 @@ class Fig14(StatesExperiment):
         legend += [lines.Line2D([], [], label="heartbeat, switch blocked", **BLOCKED)] if blocked else []
         legend += [lines.Line2D([], [], label="telecommand", **TELECOMMAND)] if self.line.telecommands else []
         figure.legend(handles=legend, loc="lower center", ncol=len(legend), fontsize=8, frameon=False)
-        figure.suptitle(f"Fig. 14{self.name[-1]}: {TITLES[self.name]}", fontsize=11)
+        figure.suptitle(f"Fig. 14{self.name[-1]}: {self.TITLES[self.name]}", fontsize=11)
         self.save(figure, folder, rect=(0, 0.04, 1, 1))

@@ -15,12 +15,10 @@ from srfs.flight.processes import send_signal
 from srfs.program import MissionError
 from srfs.record import ringline
 from srfs.record.timeline import MS
-from srfs.report.checks import check
-from srfs.report.files import pyplot
+from srfs.report import check, pyplot
 
 FIRST, SECOND, THIRD = PAYLOADS
 RING = (FIRST, THIRD, SECOND)  # each checks the next
-TITLES = {"fig15": "cyclic restart: payload1 starts payload3, payload3 starts payload2; payload3 fails and is healed"}
 QUIET_S = 3.0  # between two steps: what stands in the drawing
 LOOK_S = 0.01
 
@@ -50,7 +48,7 @@ class Processes:
 
 
 class Fig15(StatesExperiment):
-    TITLES = TITLES
+    TITLES = {"fig15": "cyclic restart: payload1 starts payload3, payload3 starts payload2; payload3 fails and is healed"}
     DEPLOYMENT = "fig15"
     ONLY = (FIRST,)
 

@@ -16,19 +16,17 @@ from srfs.program import MissionError
 from srfs.record import ringline
 from srfs.record.rotation import Rotation
 from srfs.record.timeline import MS, OCCUPYING, STATES, Timeline
-from srfs.report.checks import check
-from srfs.report.files import pyplot
+from srfs.report import check, pyplot
 
 FIRST, SECOND, THIRD = PAYLOADS
 RING = (FIRST, THIRD, SECOND)  # each checks the next
-TITLES = {"fig16": "system maintenance: payload3 without the CAN bus is replaced in flight by one with it, built on board from uplinked source"}
 QUIET_S = 3.0
 PACKAGE = ROOT / "examples" / "packages" / "payload_thermal.yaml"
 SLOTS = 10  # that the new payload shall have used
 
 
 class Fig16(StatesExperiment):
-    TITLES = TITLES
+    TITLES = {"fig16": "system maintenance: payload3 without the CAN bus is replaced in flight by one with it, built on board from uplinked source"}
     DEPLOYMENT = "fig16"
     INSTALLED = True
 

@@ -17,8 +17,7 @@ from srfs.flight.deployments import PAYLOADS
 from srfs.flight.processes import output, wait_until
 from srfs.record import can_frames, timeline
 from srfs.record.rotation import Rotation
-from srfs.report.checks import verdict
-from srfs.report.figures import quantiles
+from srfs.report import quantiles, verdict
 
 TICK_PERIODS_MS = (1, 10, 100, 1000)
 SHORTEST_FRAME_NS = 131 * 2000  # 8 octets, 29-bit identifier, no stuff bit, 500 kbit/s: when it began at the latest

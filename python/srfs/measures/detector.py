@@ -17,7 +17,7 @@ from collections import defaultdict
 from pathlib import Path
 
 from srfs.program import MissionError
-from srfs.report.figures import percentile, quantiles
+from srfs.report import percentile, quantiles
 
 SNR_BINS = ((6, 8), (8, 15), (15, 40), (40, 100), (100, 3000))
 PEER_SHARE = Path("/usr/share/source-extractor")

@@ -8,7 +8,7 @@ import tempfile
 
 from srfs import demo
 from srfs.flight.processes import StopSignals
-from srfs.report.display import Display
+from srfs.report import Display
 
 
 def add_options(parser):

@@ -19,7 +19,7 @@ from srfs.flight.processes import wait_until
 from srfs.measures.can import spread
 from srfs.program import MissionError
 from srfs.record.rotation import Rotation
-from srfs.report.checks import verdict
+from srfs.report import verdict
 
 FRAMES = 25  # of a task
 INTERVAL_MS = 200

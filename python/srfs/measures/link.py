@@ -16,7 +16,7 @@ from pathlib import Path
 
 from srfs.flight import deployments, mission
 from srfs.flight.processes import output, send_signal
-from srfs.report.figures import quantiles
+from srfs.report import quantiles
 
 BAUDS = (921600, 115200)
 FRAME, CADU, DATA_FIELD = 223, 259, 211  # octets at interleave 1: frame; marker, frame and parity; without header, OCF and FECF

@@ -10,11 +10,9 @@ import pathlib
 import signal
 import subprocess
 
-from srfs.flight.load import stress_ng
-from srfs.flight.machine import RT_PRIORITY, load_average, machine, may_be_real_time
+from srfs.flight.machine import RT_PRIORITY, load_average, machine, may_be_real_time, stress_ng
 from srfs.program import MissingProgram, MissionError
-from srfs.report.display import table
-from srfs.report.files import pyplot, save
+from srfs.report import pyplot, save, table
 
 MIB = 1 << 20
 

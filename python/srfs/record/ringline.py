@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """What the members of the liveness ring reported of each other, as `srfs record` heard it. Pure. Times: CLOCK_MONOTONIC in ns."""
 
-from srfs.report.figures import percentile
+from srfs.report import percentile
 
 ACTIVE = 3  # lifecycle_msgs/State
 DOWN, UP, WAITING = STATES = ("off", "active", "no answer\nfrom downstream")

@@ -7,8 +7,7 @@ All times are CLOCK_MONOTONIC in ns. A state lasts from its message to the next 
 
 import dataclasses
 
-from srfs.report.checks import check
-from srfs.report.figures import percentile
+from srfs.report import check, percentile
 
 OFF, OCCUPYING, PROCESSING, ASYNC = "off", "occupying_can", "data_processing", "other_async_command"
 STATES = (OFF, OCCUPYING, PROCESSING, ASYNC)  # as the paper lists them, lowest in the drawing first
