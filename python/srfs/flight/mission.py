@@ -14,6 +14,7 @@ import shutil
 import struct
 import subprocess
 import sys
+import tempfile
 import time
 
 from srfs.flight import deployments
@@ -56,6 +57,18 @@ def has_come(var, node):
         return False
     state, desired = lifecycle & 0xFFFFFFFF, lifecycle >> 32
     return state != 0 and state == desired and process & 0xFFFFFFFF == lock_owner(var / "run" / f"{node}.lock")
+
+
+@contextlib.contextmanager
+def short_flight(bin_dir, deployment="sim", before=lambda var: None, parent=None):
+    """A flight in a folder of its own, which goes with it. deployment: a NAME, or what the file says; before(var): what lies there at the start."""
+    with tempfile.TemporaryDirectory(prefix="srfs-bench-", dir=parent) as folder:
+        var = pathlib.Path(folder) / "var"
+        if isinstance(deployment, dict):
+            deployment = deployments.write(deployment, var.with_name("deployment.yaml"))
+        before(var)
+        with Mission(var, deployment, bin_dir) as flight:
+            yield flight
 
 
 def show_logs(var, lines=15, file=None):

@@ -8,9 +8,7 @@ Each tick period is flown alone. What is published is stamped by the publisher, 
 import bisect
 import json
 import statistics
-import tempfile
 import time
-from pathlib import Path
 
 from srfs.flight import deployments, mission
 from srfs.flight.deployments import PAYLOADS
@@ -26,7 +24,7 @@ ISOTP_GOAL = 0.95
 PROCESSING_MS = 10  # of a measurement, where parallelism is measured: about twice a slot
 
 
-def deployment(tick_ms, folder, fifo=False, processing_ms=0):
+def deployment(tick_ms, fifo=False, processing_ms=0):
     """sim with another tick; fifo: the tick's way to the frame under SCHED_FIFO; processing_ms: longer processing."""
     sim = deployments.read("sim")
     deployments.node(sim, "timing")["parameters"]["tick_period_ms"] = tick_ms
@@ -35,7 +33,15 @@ def deployment(tick_ms, folder, fifo=False, processing_ms=0):
     if fifo:
         scheduling = deployments.realtime()
         deployments.scheduled(sim, {node: scheduling[node] for node in ("timing", "can_switcher", *PAYLOADS)})
-    return deployments.write(sim, Path(folder) / f"tick_{tick_ms}ms.yaml")
+    return sim
+
+
+def listen(flight, deadline_s=20):
+    """A recorder and the rotation that it hears, once all payloads have had the bus."""
+    recorder, rotation = flight.recorder(), Rotation()
+    recorder.on_message(rotation.on_message)
+    wait_until(lambda: len(rotation.slots()) == len(PAYLOADS), deadline_s, "slots of all payloads")
+    return recorder, rotation
 
 
 def spread(values_ns):
@@ -64,12 +70,9 @@ def switch_times(slots, ticks, frames):
     return flag, frame, whole
 
 
-def fly(bin_dir, tick_ms, duration_s, folder, fifo=False):
-    with mission.Mission(Path(folder) / f"var_{tick_ms}", deployment(tick_ms, folder, fifo), bin_dir) as flight:
-        recorder = flight.recorder()
-        rotation = Rotation()
-        recorder.on_message(rotation.on_message)
-        wait_until(lambda: len(rotation.slots()) == 3, 20, "slots of all payloads")
+def fly(bin_dir, tick_ms, duration_s, fifo=False):
+    with mission.short_flight(bin_dir, deployment(tick_ms, fifo)) as flight:
+        _, rotation = listen(flight)
 
         def busy():
             return flight.control({"query": "counters"})["can"]["busy_us"], time.monotonic()
@@ -99,26 +102,23 @@ def fly(bin_dir, tick_ms, duration_s, folder, fifo=False):
     }
 
 
-def watch_work(bin_dir, tick_ms, duration_s, folder):
+def watch_work(bin_dir, tick_ms, duration_s):
     """How the bus is used while every measurement takes PROCESSING_MS to process, from what the payloads say they do."""
-    file = deployment(tick_ms, folder, processing_ms=PROCESSING_MS)
-    with mission.Mission(Path(folder) / f"var_work_{tick_ms}", file, bin_dir) as flight:
-        recorder = flight.recorder()
-        line, rotation = timeline.Timeline(PAYLOADS), Rotation()
+    line = timeline.Timeline(PAYLOADS)
+    with mission.short_flight(bin_dir, deployment(tick_ms, processing_ms=PROCESSING_MS)) as flight:
+        recorder, _ = listen(flight)
         recorder.on_message(line.on_message)
-        recorder.on_message(rotation.on_message)
-        wait_until(lambda: len(rotation.slots()) == len(PAYLOADS), 20, "slots of all payloads")
         begin = time.monotonic_ns()
         time.sleep(duration_s)
         end = time.monotonic_ns()
     return {"tick_ms": tick_ms, **timeline.use_of_the_bus(line.intervals(begin, end), line.heartbeats(begin, end), begin, end)}
 
 
-def measure_parallelism(bin_dir, duration_s, folder):
+def measure_parallelism(bin_dir, duration_s):
     """Ticks of 1 ms, and ticks so far apart that a payload has processed its data when the next one gets the bus."""
-    as_run = watch_work(bin_dir, 1, duration_s, folder)
+    as_run = watch_work(bin_dir, 1, duration_s)
     tick_ms = timeline.next_tick_period_ms(as_run["slot_ms"] + as_run["processing_ms"] + 1)
-    sequence = watch_work(bin_dir, tick_ms, duration_s, folder)
+    sequence = watch_work(bin_dir, tick_ms, duration_s)
     return {"processing_ms": PROCESSING_MS, "as_run": as_run, "strict_sequence": sequence, "parallelism": timeline.parallelism(as_run, sequence)}
 
 
@@ -129,12 +129,11 @@ def add_options(parser):
 def measure(bin_dir, options, say):
     duration_s, fifo = options.slots_for, options.fifo
     rows = []
-    with tempfile.TemporaryDirectory(prefix="srfs-bench-can-") as folder:
-        for tick_ms in TICK_PERIODS_MS:
-            say(f"bench can: ticks of {tick_ms} ms, {duration_s:.0f} s")
-            rows.append(fly(bin_dir, tick_ms, duration_s, folder, fifo))
-        say("bench can: parallelism of bus and processing")
-        parallel = measure_parallelism(bin_dir, duration_s, folder)
+    for tick_ms in TICK_PERIODS_MS:
+        say(f"bench can: ticks of {tick_ms} ms, {duration_s:.0f} s")
+        rows.append(fly(bin_dir, tick_ms, duration_s, fifo))
+    say("bench can: parallelism of bus and processing")
+    parallel = measure_parallelism(bin_dir, duration_s)
     say("bench can: ISO-TP on the paced hub")
     isotp = json.loads(output(bin_dir / "bench_can", "isotp", timeout_s=300))
     return {"rotation": rows, "scheduling": "fifo" if fifo else "other", "parallelism": parallel, "isotp": isotp}

@@ -8,17 +8,13 @@ fails, so that nothing is swapped. Latencies are those of the nodes themselves.
 """
 
 import contextlib
-import tempfile
 import threading
 import time
-from pathlib import Path
 
 from srfs import ROOT
 from srfs.flight import deployments, mission
-from srfs.flight.processes import wait_until
-from srfs.measures.can import spread
+from srfs.measures.can import listen, spread
 from srfs.program import MissionError
-from srfs.record.rotation import Rotation
 from srfs.report import verdict
 
 FRAMES = 25  # of a task
@@ -32,9 +28,9 @@ LOADS = ("idle", "imaging", "building")
 UPDATE_S = 120
 
 
-def deployment(folder, fifo):
+def deployment(fifo):
     sim = deployments.read("sim")
-    return deployments.write(deployments.scheduled(sim, deployments.realtime()) if fifo else sim, Path(folder) / "imaging.yaml")
+    return deployments.scheduled(sim, deployments.realtime()) if fifo else sim
 
 
 def begin_imaging(ground, frames=FRAMES):
@@ -84,12 +80,10 @@ class Building:
             self._begin(counter)
 
 
-def fly(bin_dir, folder, name, duration_s, fifo):
-    with mission.Mission(Path(folder) / name, deployment(folder, fifo), bin_dir) as flight, contextlib.ExitStack() as load:
-        recorder, rotation = flight.recorder(), Rotation()
-        recorder.on_message(rotation.on_message)
+def fly(bin_dir, name, duration_s, fifo):
+    with mission.short_flight(bin_dir, deployment(fifo)) as flight, contextlib.ExitStack() as load:
+        recorder, rotation = listen(flight, READY_S)
         ground = flight.ground()
-        wait_until(lambda: len(rotation.slots()) == 3, READY_S, "slots of all payloads")
         if name == "imaging":
             begin_imaging(ground)
         building = load.enter_context(Building(flight, ground)) if name == "building" else None
@@ -135,10 +129,9 @@ def add_options(parser):
 def measure(bin_dir, options, say):
     result = {"scheduling": "fifo" if options.fifo else "other"}
     programs = mission.installed(bin_dir)  # what compiles on board needs headers and libraries
-    with tempfile.TemporaryDirectory(prefix="srfs-bench-imaging-") as folder:
-        for name in LOADS:
-            say(f"bench imaging: {name}, {options.imaging_for:.0f} s")
-            result[name] = fly(programs, folder, name, options.imaging_for, options.fifo)
+    for name in LOADS:
+        say(f"bench imaging: {name}, {options.imaging_for:.0f} s")
+        result[name] = fly(programs, name, options.imaging_for, options.fifo)
     for name in LOADS[1:]:
         result[f"ratio_p99_{name}"] = {key: round(result[name][key]["p99"] / max(1, result["idle"][key]["p99"]), 2) for key in ("accept_us", "tick_late_us", "flag_us")}
     return result

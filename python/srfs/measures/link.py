@@ -7,15 +7,16 @@ tool receives it: all packets in the middle of a transfer, live telemetry includ
 coding: the data fields of its CADUs, back to back.
 """
 
+import contextlib
 import json
 import re
 import signal
-import tempfile
 import time
 from pathlib import Path
 
 from srfs.flight import deployments, mission
-from srfs.flight.processes import output, send_signal
+from srfs.flight.processes import output, send_signal, wait_until
+from srfs.program import MissionError
 from srfs.report import quantiles
 
 BAUDS = (921600, 115200)
@@ -43,11 +44,18 @@ def capacity(baud):
 LEAST_S = BAD_FILE_OCTETS / (capacity(BAD_FILE_BAUD) * (1 - FRAME_LOSS))
 
 
-def deployment(baud, folder):
+def deployment(baud):
     """sim with another line rate."""
     sim = deployments.read("sim")
     sim["link"]["baud"] = baud
-    return deployments.write(sim, Path(folder) / f"baud_{baud}.yaml")
+    return sim
+
+
+def pinged(flight):
+    """The operator's session, once the spacecraft has answered."""
+    ground = flight.ground()
+    ground.command("ping", 10)
+    return ground
 
 
 def written_octets(pids):
@@ -57,7 +65,7 @@ def written_octets(pids):
 
 def wear(bin_dir, duration_s):
     """What an undisturbed flight writes in a day: the records of the stores, and what all nodes cause on the medium of this folder."""
-    with tempfile.TemporaryDirectory(prefix="srfs-bench-", dir=Path.cwd()) as folder, mission.Mission(f"{folder}/var", "sim", bin_dir) as flight:
+    with mission.short_flight(bin_dir, parent=Path.cwd()) as flight:
         stores = flight.var / "store"
         pids = {node["name"]: flight.node_pid(node["name"]) for node in flight.status()}
 
@@ -109,16 +117,16 @@ def transfer(ground, duration_s, is_over):
 def retrieval(bin_dir, baud, duration_s):
     """A retrieval of about so long from a store that was full before the flight, beside the live telemetry."""
     packets = int(capacity(baud) * duration_s / PACKET_OCTETS)
-    with tempfile.TemporaryDirectory(prefix="srfs-bench-") as folder:
-        store = Path(folder) / "var" / "store" / "housekeeping"
-        output(bin_dir / "bench_link", "fill", store, "--packets", packets)
-        with mission.Mission(f"{folder}/var", deployment(baud, folder), bin_dir) as flight:
-            ground = flight.ground()
-            ground.command("ping", 10)
-            line = ground.send(f"retrieve {STORED_FROM} {STORED_TO} housekeeping --timeout {int(4 * duration_s) + 30}")
-            ground.wait_for(lambda m: m.get("vc") == 1, 10)
-            passage, done = transfer(ground, duration_s, lambda m: m["type"] == "retrieval_done" and m.get("line") == line)
-            received = len(ground.select(lambda m: m.get("vc") == 1))
+
+    def fill(var):
+        output(bin_dir / "bench_link", "fill", var / "store" / "housekeeping", "--packets", packets)
+
+    with mission.short_flight(bin_dir, deployment(baud), fill) as flight:
+        ground = pinged(flight)
+        line = ground.send(f"retrieve {STORED_FROM} {STORED_TO} housekeeping --timeout {int(4 * duration_s) + 30}")
+        ground.wait_for(lambda m: m.get("vc") == 1, 10)
+        passage, done = transfer(ground, duration_s, lambda m: m["type"] == "retrieval_done" and m.get("line") == line)
+        received = len(ground.select(lambda m: m.get("vc") == 1))
     return {"baud": baud, "packets": packets, "received": received, "complete": bool(done and done["complete"]), **passage.measures(baud)}
 
 
@@ -138,9 +146,8 @@ def file_down(bin_dir, baud, duration_s):
     """A file of about so long from the spacecraft's outbox, with its acknowledgements, beside the live telemetry."""
     octets = int(capacity(baud) * duration_s)
     content = file_content(octets)
-    with tempfile.TemporaryDirectory(prefix="srfs-bench-") as folder, mission.Mission(f"{folder}/var", deployment(baud, folder), bin_dir) as flight:
-        ground = flight.ground()
-        ground.command("ping", 10)
+    with mission.short_flight(bin_dir, deployment(baud)) as flight:
+        ground = pinged(flight)
         put_into_outbox(flight, "bench.bin", content)
 
         def about_it(message):
@@ -161,9 +168,8 @@ def file_down(bin_dir, baud, duration_s):
 def bad_file(bin_dir, deaths_max, loss):
     """Seconds for the file over a line with so much frame loss and so many deaths of either end; (elapsed, deaths, identical)."""
     content = file_content(BAD_FILE_OCTETS)
-    with tempfile.TemporaryDirectory(prefix="srfs-bench-") as folder, mission.Mission(f"{folder}/var", deployment(BAD_FILE_BAUD, folder), bin_dir) as flight:
-        ground = flight.ground()
-        ground.command("ping", 10)
+    with mission.short_flight(bin_dir, deployment(BAD_FILE_BAUD)) as flight:
+        ground = pinged(flight)
         if loss:
             flight.control({"rs422": {"flip_probability": 1e-4 / 8, "burst_probability": loss / CADU}})
         received = flight.var / "ground" / "files" / "bad.bin"
@@ -197,26 +203,28 @@ def file_over_a_bad_line(bin_dir):
 
 def telecommands(bin_dir, rate, duration_s):
     """Secured pings at a rate, each accepted, persisted and completed; the times are those that ttc keeps of itself."""
-    with tempfile.TemporaryDirectory(prefix="srfs-bench-") as folder, mission.Mission(f"{folder}/var", "sim", bin_dir) as flight:
-        ground = flight.ground()
-        ground.command("ping", 10)
+    with mission.short_flight(bin_dir) as flight:
+        ground = pinged(flight)
         lines = []
         begin = time.monotonic()
         for i in range(int(rate * duration_s)):
             time.sleep(max(0.0, begin + i / rate - time.monotonic()))
             lines.append(ground.send("ping --timeout 20"))
         took = time.monotonic() - begin
-        ends = [ground.outcome(line, 30) for line in lines[-1:]]
-        finals = {m["line"]: m for m in ground.select(lambda m: m["type"] == "tc_stage" and m["final"])}
-        wait = time.monotonic() + 20
-        while len(finals) < len(lines) and time.monotonic() < wait:
-            time.sleep(0.2)
-            finals = {m["line"]: m for m in ground.select(lambda m: m["type"] == "tc_stage" and m["final"])}
+        last = ground.outcome(lines[-1], 30) if lines else None
+        finals = {}
+
+        def all_ended():
+            finals.update({m["line"]: m for m in ground.select(lambda m: m["type"] == "tc_stage" and m["final"])})
+            return len(finals) >= len(lines)
+
+        with contextlib.suppress(MissionError):  # the counts tell
+            wait_until(all_ended, 20, "every telecommand ended", 0.2)
         round_trips = [m["elapsed_ms"] for m in ground.select(lambda m: m["type"] == "tc_stage" and m["stage"] == "accepted")]
         ttc = ground.fresh("ttc") or {}
     completed = sum(1 for line in lines if finals.get(line, {}).get("stage") == "completed")
     return {
-        "rate_per_s": round(len(lines) / took, 1), "sent": len(lines), "completed": completed, "last": ends[0] and ends[0].get("stage"),
+        "rate_per_s": round(len(lines) / took, 1), "sent": len(lines), "completed": completed, "last": last and last.get("stage"),
         "acceptance_us": {q: ttc.get(f"acceptance_latency_{q}_us") for q in ("p50", "p99", "max")},
         "round_trip_ms": quantiles(round_trips),
     }  # fmt: skip
