@@ -68,5 +68,26 @@ class LayersTest(unittest.TestCase):
                 self.assertIsNone(re.search(rf'"/?{node}\b', code), f"{source.relative_to(ROOT)} names {node}")
 
 
+class PythonTest(unittest.TestCase):
+    """python/srfs (python/README.md): programs use what they share, not each other."""
+
+    SHARED = {"ROOT", "program", "report", "record", "flight"}
+    MAY_USE = {"report": set(), "program": {"ROOT"}, "record": {"report"}, "flight": SHARED - {"report"},
+               "experiments": SHARED | {"measures"}, "measures": SHARED | {"demo"}}  # fmt: skip
+
+    def test_a_module_uses_only_those_that_it_may_use(self):
+        package = ROOT / "python/srfs"
+        for source in package.rglob("*.py"):
+            own = source.relative_to(package).parts[0].removesuffix(".py")
+            imports = re.findall(r"^from srfs(?:\.(\w+)\S*)? import (.*)$", source.read_text(encoding="utf-8"), re.MULTILINE)
+            used = {name for module, names in imports for name in ([module] if module else names.split(", "))}
+            self.assertLessEqual(used - {own}, self.MAY_USE.get(own, self.SHARED), f"{source.relative_to(ROOT)}: see {__file__}")
+
+    def test_modules_are_found_through_pythonpath_alone(self):
+        edits = [str(f.relative_to(ROOT)) for folder in ("python", "tests", "tools", "msgs", "examples") for f in (ROOT / folder).rglob("*.py")
+                 if f != Path(__file__) and re.search(r"\bsys\.path\b", f.read_text(encoding="utf-8"))]  # fmt: skip
+        self.assertEqual(edits, [])
+
+
 if __name__ == "__main__":
     unittest.main()
