@@ -16,10 +16,10 @@ struct GpioCounters {
   std::uint64_t refused = 0;
 };
 
-/// Lines 0-3: power switches of the peripherals, on at the start. Lines 8-11: inputs. Pure.
+/// Lines 0-7: power switches, on at the start. Lines 8-11: inputs. Pure.
 class GpioBank {
  public:
-  static constexpr std::size_t switch_count = 4;
+  static constexpr std::size_t switch_count = 8;
   enum Status : std::uint8_t { ok = 0, no_such_line = 1, not_an_output = 2, bad_request = 3 };
 
   /// @param inputs    the levels of lines 8-11, bits 0-3
@@ -46,7 +46,7 @@ class GpioBank {
 
   std::function<std::uint8_t()> inputs_;
   std::function<void(std::size_t, bool)> on_switch_;
-  std::array<bool, switch_count> power_{true, true, true, true};
+  std::array<bool, switch_count> power_{true, true, true, true, true, true, true, true};
   std::optional<std::uint8_t> forced_;
   GpioCounters counters_;
 };

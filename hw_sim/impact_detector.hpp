@@ -5,14 +5,14 @@
 #include <array>
 #include <random>
 
-#include "hw_sim/peripheral.hpp"
+#include "hw_sim/peripheral_model.hpp"
 
 namespace srfs::sim {
 
 /// Impact detector, address 0x14: a plate with a sensor that counts hits of dust and debris above a
 /// threshold. It sends nothing until it is asked. A restart keeps what it counted; loss of power clears it
 /// and sets the threshold back.
-class ImpactDetector final : public PeripheralApplication {
+class ImpactDetector final : public PeripheralModel {
  public:
   static constexpr std::size_t bins =
       8;  ///< of the energy: bin n holds 2^n to 2^(n+1) uJ, the last one all above
@@ -22,13 +22,12 @@ class ImpactDetector final : public PeripheralApplication {
   explicit ImpactDetector(std::uint64_t seed) : random_(seed), to_next_(draw_interval()) {}
 
   /// Time goes on; powered or not, dust hits.
-  void step(nanoseconds dt);
+  void step(nanoseconds dt) override;
   /// A hit of this signal at the sensor.
   void hit(float amplitude_v);
 
   [[nodiscard]] Octets measure() override;
   [[nodiscard]] wire::PeripheralResult execute(std::uint8_t function, OctetView arguments) override;
-  void restart() override {}
   void set_power(bool on) override;
 
   [[nodiscard]] std::uint32_t impacts() const { return impacts_; }

@@ -23,9 +23,12 @@
 #include "base/version.hpp"
 #include "hw_sim/cpu_priority.hpp"
 #include "hw_sim/event_loop.hpp"
+#include "hw_sim/impact_detector.hpp"
+#include "hw_sim/peripheral_applications.hpp"
 #include "hw_sim/seqpacket_server.hpp"
 #include "hw_sim/settings.hpp"
 #include "hw_sim/simulator.hpp"
+#include "suite/added_nodes.hpp"
 #include "update/package_keys.hpp"
 
 namespace {
@@ -112,8 +115,20 @@ void create_package_test_keys(const path& var) {
             seed_file.string());
 }
 
+sim::PeripheralModels models() {
+  return {{"payload_adcs",
+           [](const sim::ModelContext& c) { return std::make_unique<sim::AdcsApplication>(c.world); }},
+          {"payload_eps",
+           [](const sim::ModelContext& c) { return std::make_unique<sim::EpsApplication>(c.world); }},
+          {"payload_thermal",
+           [](const sim::ModelContext& c) { return std::make_unique<sim::ThermalApplication>(c.world); }},
+          {"payload_impact",
+           [](const sim::ModelContext& c) { return std::make_unique<sim::ImpactDetector>(c.seed); }}};
+}
+
 int simulate(const path& deployment_file, const path& var) {
-  const sim::SimulationSettings settings = sim::read_settings(ConfigSection::load(deployment_file));
+  sim::SimulationSettings settings = sim::read_settings(ConfigSection::load(deployment_file));
+  settings.peripherals = suite::load_deployment(deployment_file, {var}).deployment.peripherals;
   const path run = var / "run";
   std::filesystem::create_directories(var);
   (void)open_private_folder(run, true);  // what fails, fails again at the lock
@@ -133,7 +148,7 @@ int simulate(const path& deployment_file, const path& var) {
   const path beside = std::filesystem::read_symlink("/proc/self/exe").parent_path() / "srfs";
   const std::vector<std::string> restart_command{
       beside.string(), "restart", "--deployment", deployment_file.string(), "--var", var.string(), "--if-up"};
-  const auto simulator = sim::Simulator::create(loop, settings, var, restart_command);
+  const auto simulator = sim::Simulator::create(loop, settings, models(), var, restart_command);
   if (!simulator) throw std::runtime_error(simulator.error());
   const RunFile pid(run / "hw_sim.pid", fmt::format("{}\n", getpid()));
   const RunFile ready(run / "hw_sim.ready", fmt::format("{}\n", getpid()));
@@ -158,7 +173,7 @@ int control(const std::string& request, const path& var) {
 
 int main(int argc, char** argv) {
   CLI::App app{
-      "The simulated world around the on-board computer: CAN bus with four peripherals, GPS, RS422, GPIO, "
+      "The simulated world around the on-board computer: CAN bus with its peripherals, GPS, RS422, GPIO, "
       "watchdog."};
   std::string deployment;
   std::string var = "var";

@@ -44,9 +44,8 @@ const char* to_string(PeripheralFault fault) {
   return "?";
 }
 
-Peripheral::Peripheral(const PeripheralSettings& settings, PeripheralApplication& application,
-                       RunningTime now)
-    : settings_(settings), application_(application), random_(settings.seed) {
+Peripheral::Peripheral(const PeripheralSettings& settings, PeripheralModel& model, RunningTime now)
+    : settings_(settings), model_(model), random_(settings.seed) {
   start(now);
 }
 
@@ -61,7 +60,7 @@ void Peripheral::set_power(bool on, RunningTime now) {
   powered_ = on;
   waiting_.clear();
   executed_ids_.clear();
-  application_.set_power(on);
+  model_.set_power(on);
   if (!on && cure_ != FaultCure::never) fault_ = PeripheralFault::none;
   if (on) {
     ++counters_.power_cycles;
@@ -79,7 +78,7 @@ wire::PeripheralResult Peripheral::on_command(const wire::CommandRequest& comman
     return wire::PeripheralResult::already_done;
   }
   if (!ready) return wire::PeripheralResult::cannot_now;
-  const wire::PeripheralResult result = application_.execute(command.function, command.arguments);
+  const wire::PeripheralResult result = model_.execute(command.function, command.arguments);
   if (result != wire::PeripheralResult::done) return result;  // a refused command may come again and succeed
   ++counters_.executed;
   history_.push_back(command.telecommand_id);
@@ -108,7 +107,7 @@ void Peripheral::on_request(OctetView message, RunningTime now) {
           [&](const wire::WakeUpRequest&) -> decltype(response.body) {
             const auto uptime = std::chrono::duration_cast<milliseconds>(now - started_).count();
             return wire::WakeUpResponse{status, static_cast<std::uint32_t>(uptime),
-                                        ready ? application_.measure() : Octets{}};
+                                        ready ? model_.measure() : Octets{}};
           },
           [&](const wire::CommandRequest& command) -> decltype(response.body) {
             return wire::CommandResponse{command.telecommand_id, on_command(command, ready)};
@@ -158,7 +157,7 @@ std::optional<Octets> Peripheral::poll(RunningTime now) {
     ++counters_.resets;
     waiting_.clear();
     if (cure_ == FaultCure::restart) fault_ = PeripheralFault::none;
-    application_.restart();
+    model_.restart();
     start(*restart_at_);
   }
   return std::nullopt;

@@ -9,6 +9,7 @@
 #include <string>
 
 #include "base/octets.hpp"
+#include "hw_sim/peripheral_model.hpp"
 #include "hw_sim/running_clock.hpp"
 #include "wire/peripheral_protocol.hpp"
 
@@ -28,20 +29,6 @@ enum class FaultCure : std::uint8_t { never, restart, power_cycle };
 
 [[nodiscard]] std::optional<PeripheralFault> peripheral_fault(const std::string& name);
 [[nodiscard]] const char* to_string(PeripheralFault fault);
-
-/// What one peripheral does and measures; the protocol around it is the same for all.
-class PeripheralApplication {
- public:
-  virtual ~PeripheralApplication() = default;
-  /// The raw measurement block, taken now.
-  [[nodiscard]] virtual Octets measure() = 0;
-  /// Carries out a function: done, unknown_function, bad_argument or cannot_now.
-  [[nodiscard]] virtual wire::PeripheralResult execute(std::uint8_t function, OctetView arguments) = 0;
-  /// The processor restarts; what hardware latches stays.
-  virtual void restart() = 0;
-  /// Power comes or goes. Without power nothing is kept.
-  virtual void set_power(bool on) = 0;
-};
 
 struct PeripheralSettings {
   milliseconds boot_time{150};     ///< from power-on or reset to "ready"; until then it answers "booting"
@@ -66,8 +53,8 @@ struct PeripheralCounters {
 /// the last 16 executed telecommand ids over a RESET and loses them with its power. Pure.
 class Peripheral {
  public:
-  /// @param application  must outlive this object
-  Peripheral(const PeripheralSettings& settings, PeripheralApplication& application, RunningTime now);
+  /// @param model  must outlive this object
+  Peripheral(const PeripheralSettings& settings, PeripheralModel& model, RunningTime now);
 
   void on_request(OctetView message, RunningTime now);
   /// The next answer that is due; call until nullopt. Also ends a restart.
@@ -102,7 +89,7 @@ class Peripheral {
   [[nodiscard]] bool known(std::uint32_t telecommand_id) const;
 
   PeripheralSettings settings_;
-  PeripheralApplication& application_;
+  PeripheralModel& model_;
   std::mt19937_64 random_;
   PeripheralCounters counters_;
   PeripheralFault fault_ = PeripheralFault::none;

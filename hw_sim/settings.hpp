@@ -12,6 +12,7 @@
 #include "hw_sim/peripheral.hpp"
 #include "hw_sim/sky_camera.hpp"
 #include "hw_sim/spacecraft_world.hpp"
+#include "suite/peripheral.hpp"
 
 namespace srfs::sim {
 
@@ -40,6 +41,7 @@ struct SimulationSettings {
   WorldSettings world;
   std::optional<UtcTime> orbit_start;  ///< nullopt: true time at the start
   PeripheralSettings peripheral;
+  std::vector<suite::Peripheral> peripherals;  ///< where they are
   GpsSettings gps;
   WatchdogSettings watchdog;
   SkyCameraSettings camera;
@@ -50,8 +52,8 @@ struct SimulationSettings {
       16U << 20U;  ///< octets; at the limit the file becomes FILE.1 and a new one starts
 };
 
-/// Reads `devices` and `link` for what concerns the simulation, and `simulation` strictly. Throws
-/// ConfigError.
+/// Reads `devices` and `link` for what concerns the simulation, and `simulation` strictly; not where the
+/// peripherals are. Throws ConfigError.
 [[nodiscard]] SimulationSettings read_settings(const ConfigSection& deployment);
 
 }  // namespace srfs::sim

@@ -17,10 +17,8 @@ namespace {
 
 constexpr nanoseconds world_step = milliseconds(20);
 constexpr nanoseconds longest_step = seconds(1);
-constexpr std::int64_t default_restart_ms = 100;  // of a controller that goes bus-off
-constexpr std::array<const char*, GpioBank::switch_count> peripheral_names{"adcs", "eps", "thermal",
-                                                                           "impact"};
-constexpr std::array<std::uint8_t, GpioBank::switch_count> peripheral_addresses{0x11, 0x12, 0x13, 0x14};
+constexpr std::int64_t default_restart_ms = 100;    // of a controller that goes bus-off
+constexpr std::uint64_t seeds_of_peripherals = 16;  ///< from the world's seed on, by CAN address
 
 /// The path of a device this program serves.
 Result<std::filesystem::path, std::string> served(const std::string& uri, const char* scheme,
@@ -177,28 +175,48 @@ nlohmann::json counters_of(const WatchdogDevice& watchdog) {
 Simulator::Simulator(EventLoop& loop, const SimulationSettings& settings, MonotonicTime now)
     : loop_(loop),
       world_(settings.world, settings.orbit_start.value_or(settings.gps.start.value_or(system_utc_now()))),
-      adcs_(world_),
-      eps_(world_),
-      thermal_(world_),
-      impact_(settings.world.seed + 5),
       gpio_([this] { return world_.sensor_inputs(); },
-            [this](std::size_t line, bool on) {
-              log::info("power of {} switched {}", peripheral_names.at(line), on ? "on" : "off");
-              const RunningTime at = loop_.running_now();
-              peripherals_.at(line)->set_power(on, at);
-              on_bus_.at(line)->service(at);
-            }),
+            [this](std::size_t line, bool on) { switch_power(line, on); }),
       step_timer_(loop.add_timer([this](MonotonicTime t) { step(t); })),
       stepped_(now),
       flushed_(now) {
-  const std::array<PeripheralApplication*, GpioBank::switch_count> applications{&adcs_, &eps_, &thermal_,
-                                                                                &impact_};
-  for (std::size_t i = 0; i < peripherals_.size(); ++i) {
-    PeripheralSettings own = settings.peripheral;
-    own.seed += i;
-    peripherals_[i] = std::make_unique<Peripheral>(own, *applications[i], loop_.running_now());
-  }
   loop_.set_timer(step_timer_, now + world_step);
+}
+
+void Simulator::make_stations(const SimulationSettings& settings, const PeripheralModels& models) {
+  constexpr std::string_view prefix = "payload_";
+  for (const suite::Peripheral& place : settings.peripherals) {
+    const auto make = models.find(place.payload);
+    if (make == models.end()) {
+      log::warn("no model of the peripheral of {}: CAN address {:#04x} is silent", place.payload,
+                place.can_address);
+      continue;
+    }
+    const std::string& payload = place.payload;
+    Station station{payload.starts_with(prefix) ? payload.substr(prefix.size()) : payload, place, nullptr,
+                    nullptr, nullptr};
+    PeripheralSettings own = settings.peripheral;
+    own.seed += place.can_address;
+    station.model = make->second({world_, settings.world.seed + seeds_of_peripherals + place.can_address});
+    station.peripheral = std::make_unique<Peripheral>(own, *station.model, loop_.running_now());
+    stations_.push_back(std::move(station));
+  }
+}
+
+void Simulator::switch_power(std::size_t line, bool on) {
+  for (Station& station : stations_) {
+    if (station.place.power_line != line) continue;
+    log::info("power of {} switched {}", station.name, on ? "on" : "off");
+    const RunningTime at = loop_.running_now();
+    station.peripheral->set_power(on, at);
+    station.on_bus->service(at);
+  }
+}
+
+std::string Simulator::station_names() const {
+  std::string names;
+  for (const Station& station : stations_) names += (names.empty() ? "" : ", ") + station.name;
+  return names;
 }
 
 Simulator::~Simulator() {
@@ -207,10 +225,11 @@ Simulator::~Simulator() {
 }
 
 Result<std::unique_ptr<Simulator>, std::string> Simulator::create(
-    EventLoop& loop, const SimulationSettings& settings, const std::filesystem::path& var,
-    const std::vector<std::string>& restart_command) {
+    EventLoop& loop, const SimulationSettings& settings, const PeripheralModels& models,
+    const std::filesystem::path& var, const std::vector<std::string>& restart_command) {
   const MonotonicTime now = monotonic_now();
   std::unique_ptr<Simulator> simulator(new Simulator(loop, settings, now));
+  simulator->make_stations(settings, models);
   if (auto opened = simulator->open_can(settings, var); !opened) return Err(opened.error());
   if (auto opened = simulator->open_gps(settings, var, now); !opened) return Err(opened.error());
   if (auto opened = simulator->open_camera(settings, var, now); !opened) return Err(opened.error());
@@ -237,11 +256,12 @@ Result<void, std::string> Simulator::open_can(const SimulationSettings& settings
   } else if (settings.can_log) {
     log::warn("simulation.can_log records only the simulated bus; use candump for {}", settings.devices.can);
   }
-  for (std::size_t i = 0; i < on_bus_.size(); ++i) {
-    auto bus = hw::open_can(settings.devices.can, var, {hw::isotp_to(peripheral_addresses[i])});
+  for (Station& station : stations_) {
+    const std::uint8_t address = station.place.can_address;
+    auto bus = hw::open_can(settings.devices.can, var, {hw::isotp_to(address)});
     if (!bus) return Err(bus.error().message);
-    on_bus_[i] = std::make_unique<CanPeripheral>(loop_, peripheral_names[i], peripheral_addresses[i],
-                                                 std::move(*bus), *peripherals_[i]);
+    station.on_bus =
+        std::make_unique<CanPeripheral>(loop_, station.name, address, std::move(*bus), *station.peripheral);
   }
   return {};
 }
@@ -339,7 +359,7 @@ void Simulator::step(MonotonicTime now) {
     stepped_ = now - longest_step;
   }
   world_.step(now - stepped_);
-  impact_.step(now - stepped_);
+  for (Station& station : stations_) station.model->step(now - stepped_);
   stepped_ = now;
   point_camera(now);
   rs422_->release_exclusive_holds();
@@ -354,12 +374,17 @@ void Simulator::step(MonotonicTime now) {
 void Simulator::set_peripheral_fault(const nlohmann::json& request) {
   only_keys(request, {"peripheral", "fault", "delay_ms", "cured_by"});
   const std::string name = request.at("peripheral").get<std::string>();
-  const auto found = std::find(peripheral_names.begin(), peripheral_names.end(), name);
-  if (found == peripheral_names.end())
-    throw std::invalid_argument("'peripheral': expected one of adcs, eps, thermal, impact");
-  const auto fault = peripheral_fault(request.value("fault", std::string("none")));
+  const auto found = std::find_if(stations_.begin(), stations_.end(),
+                                  [&](const Station& station) { return station.name == name; });
+  if (found == stations_.end())
+    throw std::invalid_argument(fmt::format("'peripheral': expected one of {}", station_names()));
+  const std::string wanted = request.value("fault", std::string("none"));
+  const auto fault = peripheral_fault(wanted);
+  const bool own = found->model->set_fault(wanted);
+  if (!fault && own) return;
   if (!fault)
-    throw std::invalid_argument("'fault': expected one of none, silent, late, short, garbage, babble");
+    throw std::invalid_argument(
+        "'fault': expected one of none, silent, late, short, garbage, babble, or one of its model");
   const std::string cured_by = request.value("cured_by", std::string("never"));
   if (cured_by != "never" && cured_by != "restart" && cured_by != "power_cycle") {
     throw std::invalid_argument("'cured_by': expected one of never, restart, power_cycle");
@@ -367,11 +392,10 @@ void Simulator::set_peripheral_fault(const nlohmann::json& request) {
   const FaultCure cure = cured_by == "never"     ? FaultCure::never
                          : cured_by == "restart" ? FaultCure::restart
                                                  : FaultCure::power_cycle;
-  const auto i = static_cast<std::size_t>(found - peripheral_names.begin());
   const std::int64_t fallback_ms = *fault == PeripheralFault::late ? 100 : 0;
-  peripherals_.at(i)->set_fault(*fault, milliseconds(integer(request, "delay_ms", 0, 60'000, fallback_ms)),
-                                cure);
-  on_bus_.at(i)->service(loop_.running_now());
+  found->peripheral->set_fault(*fault, milliseconds(integer(request, "delay_ms", 0, 60'000, fallback_ms)),
+                               cure);
+  found->on_bus->service(loop_.running_now());
 }
 
 void Simulator::set_bus_faults(const nlohmann::json& faults, MonotonicTime now) {
@@ -401,11 +425,11 @@ void Simulator::set_bus_faults(const nlohmann::json& faults, MonotonicTime now) 
 void Simulator::force_bus_off(const std::string& station, MonotonicTime now) {
   std::optional<std::uint8_t> address;
   if (station == "computer") address = CanPeripheral::computer_address;
-  for (std::size_t i = 0; i < peripheral_names.size(); ++i) {
-    if (station == peripheral_names.at(i)) address = peripheral_addresses.at(i);
+  for (const Station& known : stations_) {
+    if (station == known.name) address = known.place.can_address;
   }
   if (!address)
-    throw std::invalid_argument("'bus_off': expected one of computer, adcs, eps, thermal, impact");
+    throw std::invalid_argument(fmt::format("'bus_off': expected one of computer, {}", station_names()));
   if (!hub_->force_bus_off(*address, now))
     throw std::invalid_argument(fmt::format("'bus_off': {} has not sent a frame yet", station));
 }
@@ -439,8 +463,8 @@ void Simulator::set_camera(const nlohmann::json& wanted) {
 
 nlohmann::json Simulator::counters() const {
   nlohmann::json out;
-  for (std::size_t i = 0; i < peripherals_.size(); ++i)
-    out["peripherals"][peripheral_names[i]] = counters_of(*peripherals_[i], *on_bus_[i]);
+  for (const Station& station : stations_)
+    out["peripherals"][station.name] = counters_of(*station.peripheral, *station.on_bus);
   if (hub_) {
     out["can"] = counters_of(*hub_);
     if (can_log_) out["can"]["log_octets_lost"] = can_log_->lost();
@@ -458,9 +482,9 @@ nlohmann::json Simulator::counters() const {
 
 nlohmann::json Simulator::executed() const {
   nlohmann::json out;
-  for (std::size_t i = 0; i < peripherals_.size(); ++i) {
-    out["executed"][peripheral_names[i]] = {{"count", peripherals_[i]->counters().executed},
-                                            {"last", peripherals_[i]->history()}};
+  for (const Station& station : stations_) {
+    out["executed"][station.name] = {{"count", station.peripheral->counters().executed},
+                                     {"last", station.peripheral->history()}};
   }
   return out;
 }

@@ -2,7 +2,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
-#include <array>
 #include <filesystem>
 #include <memory>
 #include <string>
@@ -17,8 +16,7 @@
 #include "hw_sim/can_peripheral.hpp"
 #include "hw_sim/gpio_bank.hpp"
 #include "hw_sim/gps_device.hpp"
-#include "hw_sim/impact_detector.hpp"
-#include "hw_sim/peripheral_applications.hpp"
+#include "hw_sim/peripheral_model.hpp"
 #include "hw_sim/rs422_device.hpp"
 #include "hw_sim/settings.hpp"
 #include "hw_sim/watchdog_device.hpp"
@@ -29,10 +27,11 @@ namespace srfs::sim {
 /// creates below VAR goes with it.
 class Simulator {
  public:
+  /// @param models  of the peripherals; one without is silent
   /// @param restart_command  for the watchdog when the deployment names none  Error: ready to print.
   [[nodiscard]] static Result<std::unique_ptr<Simulator>, std::string> create(
-      EventLoop& loop, const SimulationSettings& settings, const std::filesystem::path& var,
-      const std::vector<std::string>& restart_command);
+      EventLoop& loop, const SimulationSettings& settings, const PeripheralModels& models,
+      const std::filesystem::path& var, const std::vector<std::string>& restart_command);
   ~Simulator();
   Simulator(const Simulator&) = delete;
   Simulator& operator=(const Simulator&) = delete;
@@ -42,7 +41,18 @@ class Simulator {
   [[nodiscard]] std::string on_control(const std::string& request, MonotonicTime now);
 
  private:
+  /// One peripheral of the deployment that has a model.
+  struct Station {
+    std::string name;  ///< of its payload, without "payload_"
+    suite::Peripheral place;
+    std::unique_ptr<PeripheralModel> model;
+    std::unique_ptr<Peripheral> peripheral;
+    std::unique_ptr<CanPeripheral> on_bus;
+  };
   Simulator(EventLoop& loop, const SimulationSettings& settings, MonotonicTime now);
+  void make_stations(const SimulationSettings& settings, const PeripheralModels& models);
+  void switch_power(std::size_t line, bool on);
+  [[nodiscard]] std::string station_names() const;
   [[nodiscard]] Result<void, std::string> open_can(const SimulationSettings& settings,
                                                    const std::filesystem::path& var);
   [[nodiscard]] Result<void, std::string> open_gps(const SimulationSettings& settings,
@@ -74,14 +84,9 @@ class Simulator {
 
   EventLoop& loop_;
   SpacecraftWorld world_;
-  AdcsApplication adcs_;
-  EpsApplication eps_;
-  ThermalApplication thermal_;
-  ImpactDetector impact_;
-  std::array<std::unique_ptr<Peripheral>, GpioBank::switch_count> peripherals_;
   std::unique_ptr<CanLog> can_log_;
   std::unique_ptr<CanHub> hub_;  // none when the bus is a real interface
-  std::array<std::unique_ptr<CanPeripheral>, GpioBank::switch_count> on_bus_;
+  std::vector<Station> stations_;
   GpioBank gpio_;
   std::unique_ptr<SeqpacketServer> gpio_socket_;
   std::unique_ptr<GpsDevice> gps_;

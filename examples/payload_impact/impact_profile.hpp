@@ -37,7 +37,6 @@ class ImpactProfile : public PayloadProfile {
   static constexpr float large_hit_uj = 100.0F;
   static constexpr double ticks_per_hour = 36000;  ///< a tick each 100 ms
 
-  [[nodiscard]] const hw::Peripheral& peripheral() const override { return hw::impact; }
   [[nodiscard]] std::uint16_t apid() const override { return mission::apid::payload_impact; }
   [[nodiscard]] std::uint16_t structure_id() const override { return mission::structure::payload_impact; }
 

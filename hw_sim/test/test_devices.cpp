@@ -222,7 +222,7 @@ TEST(GpioBank, SwitchesPowerAndReadsInputs) {
 
 TEST(GpioBank, RefusesWhatItDoesNotHave) {
   GpioBank bank([] { return std::uint8_t{0}; }, [](std::size_t, bool) {});
-  EXPECT_EQ(bank.on_request(Octets{0, 5, 0, 0})[0], GpioBank::no_such_line);
+  EXPECT_EQ(bank.on_request(Octets{0, 12, 0, 0})[0], GpioBank::no_such_line);
   EXPECT_EQ(bank.on_request(Octets{1, 8, 1, 0})[0], GpioBank::not_an_output);
   EXPECT_EQ(bank.on_request(Octets{7, 0, 0, 0})[0], GpioBank::bad_request);
   EXPECT_EQ(bank.on_request(Octets{1})[0], GpioBank::bad_request);

@@ -15,7 +15,7 @@ namespace {
 
 using wire::PeripheralResult;
 
-class FakeApplication : public PeripheralApplication {
+class FakeApplication : public PeripheralModel {
  public:
   [[nodiscard]] Octets measure() override { return {1, 2, 3}; }
   [[nodiscard]] PeripheralResult execute(std::uint8_t function, OctetView) override {

@@ -11,11 +11,8 @@ namespace srfs::hw {
 
 /// Numbers of the suite's lines (docs/reference/icd_can.md, section GPIO); a back-end maps them to the chip's
 /// offsets.
-inline constexpr std::uint8_t gpio_power_adcs = 0;
-inline constexpr std::uint8_t gpio_power_eps = 1;
-inline constexpr std::uint8_t gpio_power_thermal = 2;
-inline constexpr std::uint8_t gpio_power_impact = 3;
-inline constexpr std::uint8_t gpio_power_count = 4;
+inline constexpr std::uint8_t gpio_power_count =
+    8;  ///< from 0; the deployment says which peripheral has which
 inline constexpr std::uint8_t gpio_first_input = 8;
 inline constexpr std::uint8_t gpio_input_count = 4;
 
@@ -42,7 +39,7 @@ class GpioLines {
  public:
   virtual ~GpioLines() = default;
 
-  /// Drives a power switch line (0-3). @p on true: power on.
+  /// Drives a power switch line (0-7). @p on true: power on.
   [[nodiscard]] virtual Result<void, GpioError> set_line(std::uint8_t line, bool on) = 0;
   /// The level of a power switch line as driven, or of an input line.
   [[nodiscard]] virtual Result<bool, GpioError> read_line(std::uint8_t line) = 0;

@@ -62,6 +62,16 @@ AddedNode read_added_node(const ConfigSection& section) {
   return node;
 }
 
+/// Its peripheral may be on the bus from the start (`peripherals` of the file), at the same place then.
+std::string refusal_of_peripheral(const Deployment& d, const NodeEntry& entry) {
+  if (!entry.peripheral) return "";
+  const Peripheral* const known = d.peripheral_of(entry.name);
+  if (known == nullptr) return refusal_of_place(*entry.peripheral, d.peripherals);
+  if (*known == *entry.peripheral) return "";
+  return fmt::format("the deployment has its peripheral at CAN address {:#04x}, power line {}",
+                     known->can_address, known->power_line);
+}
+
 /// What is wrong with a node that is to be added to @p d; empty: it is added.
 std::string add(Deployment& d, const AddedNode& node) {
   AddedDescription description = read_added_description(node);
@@ -71,6 +81,8 @@ std::string add(Deployment& d, const AddedNode& node) {
     if (known != d.devices.end() && known->second != uri)
       return fmt::format("device '{}' is {} in the deployment", key, known->second);
   }
+  if (const std::string refusal = refusal_of_peripheral(d, description.entry); !refusal.empty())
+    return refusal;
   if (description.slot) {
     if (!node.flag || *node.flag >= slots_at_most) return "no position for its task flag";
     if (*node.flag < d.slots.size() && !d.slots[*node.flag].payload.empty())
@@ -79,6 +91,8 @@ std::string add(Deployment& d, const AddedNode& node) {
     d.slots[*node.flag] = std::move(*description.slot);
   }
   d.devices.insert(description.devices.begin(), description.devices.end());
+  if (description.entry.peripheral && d.peripheral_of(node.name) == nullptr)
+    d.peripherals.push_back(*description.entry.peripheral);
   if (description.entry.worker_deadline == description.entry.worker_deadline.zero())
     description.entry.worker_deadline = d.ring.worker_deadline;
   d.nodes.push_back(std::move(description.entry));

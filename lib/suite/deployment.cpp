@@ -54,7 +54,6 @@ std::string read_control_group(const ConfigSection& section) {
   return group;
 }
 
-/// All but the name, the executable and finish().
 std::vector<ros::RemapRule> read_remaps(const ConfigSection& section, const std::string& node) {
   std::vector<ros::RemapRule> rules;
   for (const std::string& text : section.texts("remap")) {
@@ -66,19 +65,32 @@ std::vector<ros::RemapRule> read_remaps(const ConfigSection& section, const std:
   return rules;
 }
 
+Peripheral read_peripheral(const ConfigSection& section, std::string payload) {
+  Peripheral peripheral{
+      std::move(payload),
+      static_cast<std::uint8_t>(
+          section.integer("can_address", Peripheral::lowest_can_address, Peripheral::highest_can_address)),
+      static_cast<std::uint8_t>(section.integer("power_line", 0, Peripheral::power_lines - 1))};
+  section.finish();
+  return peripheral;
+}
+
+/// All but the name, the executable and finish().
 NodeEntry read_entry(const ConfigSection& section, const std::string& name, std::string executable) {
-  return {name,
-          std::move(executable),
-          read_scheduling(section.section("scheduling")),
-          read_memory(section.section("memory")),
-          section.integer("memory_limit_mib", 0, 65536, 0),
-          static_cast<int>(section.integer("oom_score_adj", -1000, 1000, 0)),
-          std::chrono::milliseconds(section.integer("worker_deadline_ms", 100, 3'600'000, 0)),
-          section.text("user", ""),
-          read_control_group(section),
-          section.section("parameters"),
-          read_remaps(section, name),
-          section.boolean("needed", true)};
+  NodeEntry entry{name,
+                  std::move(executable),
+                  read_scheduling(section.section("scheduling")),
+                  read_memory(section.section("memory")),
+                  section.integer("memory_limit_mib", 0, 65536, 0),
+                  static_cast<int>(section.integer("oom_score_adj", -1000, 1000, 0)),
+                  std::chrono::milliseconds(section.integer("worker_deadline_ms", 100, 3'600'000, 0)),
+                  section.text("user", ""),
+                  read_control_group(section),
+                  section.section("parameters"),
+                  read_remaps(section, name),
+                  section.boolean("needed", true)};
+  if (section.has("peripheral")) entry.peripheral = read_peripheral(section.section("peripheral"), name);
+  return entry;
 }
 
 NodeEntry read_node(const ConfigSection& section) {
@@ -157,7 +169,39 @@ void check_names(const Deployment& d, const ConfigSection& root) {
   }
 }
 
+/// Those of the nodes, then those whose node is not of this file.
+void read_peripherals(Deployment& d, const ConfigSection& root) {
+  const auto place = [&d, &root](const Peripheral& peripheral, std::string_view key) {
+    const std::string refusal = refusal_of_place(peripheral, d.peripherals);
+    if (!refusal.empty()) throw root.bad(key, fmt::format("peripherals at different places: {}", refusal));
+    d.peripherals.push_back(peripheral);
+  };
+  for (const NodeEntry& node : d.nodes) {
+    if (node.peripheral) place(*node.peripheral, "nodes");
+  }
+  for (const ConfigSection& section : root.sections("peripherals")) {
+    const std::string payload = section.text("payload");
+    if (!is_node_name(payload)) throw section.bad("payload", "1-32 characters of a-z, 0-9 and _");
+    if (d.find(payload) != nullptr)
+      throw section.bad("payload", "a payload that is no node of this file: of a node, its entry says it");
+    place(read_peripheral(section, payload), "peripherals");
+  }
+}
+
 }  // namespace
+
+std::string refusal_of_place(const Peripheral& peripheral, const std::vector<Peripheral>& others) {
+  for (const Peripheral& other : others) {
+    if (other.payload == peripheral.payload) return fmt::format("{} has two", peripheral.payload);
+    if (other.can_address == peripheral.can_address)
+      return fmt::format("CAN address {:#04x} is that of {} and of {}", peripheral.can_address, other.payload,
+                         peripheral.payload);
+    if (other.power_line == peripheral.power_line)
+      return fmt::format("power line {} is that of {} and of {}", peripheral.power_line, other.payload,
+                         peripheral.payload);
+  }
+  return {};
+}
 
 std::string refusal_of_remap(const ros::RemapRule& rule, const std::string& node) {
   if (rule.from.starts_with("__"))
@@ -292,6 +336,7 @@ Deployment Deployment::load(const std::filesystem::path& file) {
   if (d.nodes.empty()) throw root.bad("nodes", "at least one node");
   (void)root.has("simulation");  // hw_sim's
   if (root.has("ring")) d.ring = read_ring(root.section("ring"));
+  read_peripherals(d, root);
   root.finish();
   check_names(d, root);
   if (d.ring.enabled) check_ring(d, root.section("ring"));
@@ -305,6 +350,12 @@ const NodeEntry* Deployment::find(const std::string& node) const {
   const auto found =
       std::find_if(nodes.begin(), nodes.end(), [&](const NodeEntry& e) { return e.name == node; });
   return found == nodes.end() ? nullptr : &*found;
+}
+
+const Peripheral* Deployment::peripheral_of(const std::string& payload) const {
+  const auto found = std::find_if(peripherals.begin(), peripherals.end(),
+                                  [&](const Peripheral& p) { return p.payload == payload; });
+  return found == peripherals.end() ? nullptr : &*found;
 }
 
 bool is_hardware_line(const std::string& uri, const std::filesystem::path& var) {

@@ -11,6 +11,7 @@
 #include "base/config.hpp"
 #include "ros/graph.hpp"
 #include "ros/node_names.hpp"
+#include "suite/peripheral.hpp"
 
 namespace srfs::suite {
 
@@ -49,6 +50,7 @@ struct NodeEntry {
   std::vector<ros::RemapRule> remap;  ///< other names for its topics and services
   bool needed = true;                 ///< for flight: `srfs up` is done without one that is not
   bool added = false;  ///< not of the file (added_nodes.hpp): no executable, it has no golden version
+  std::optional<Peripheral> peripheral = {};  ///< of a payload
 };
 
 /// Whether a node of the suite may have a rule. The suite reaches a node by its name, so
@@ -149,7 +151,9 @@ struct Deployment {
   LinkSettings link;
   std::vector<Slot> slots;
   RingSettings ring;
-  std::vector<NodeEntry> nodes;             ///< in start order
+  std::vector<NodeEntry> nodes;  ///< in start order
+  /// Those of the nodes, and those on the bus whose node may be added. No two at one place.
+  std::vector<Peripheral> peripherals;
   std::vector<AddedNode> added;             ///< those of the nodes that were added (added_nodes.hpp)
   std::uint32_t added_revision = 0;         ///< counts the changes of their list
   std::vector<std::string> added_problems;  ///< for people: what of their list is not used
@@ -157,6 +161,8 @@ struct Deployment {
   /// Throws ConfigError that names file, line, key and what was expected.
   static Deployment load(const std::filesystem::path& file);
   [[nodiscard]] const NodeEntry* find(const std::string& node) const;
+  /// nullptr: the deployment places none.
+  [[nodiscard]] const Peripheral* peripheral_of(const std::string& payload) const;
   /// Without it no telecommand is taken or executed, or the watchdog resets the computer: timing,
   /// can_switcher, ttc and maintenance (by their programs), and what the ring has as critical or confirmed.
   [[nodiscard]] bool on_command_path(const std::string& node) const;
@@ -179,6 +185,9 @@ struct AddedDescription {
   std::map<std::string, std::string> devices;
 };
 [[nodiscard]] AddedDescription read_added_description(const AddedNode& node);
+/// Why a peripheral cannot be where it is beside the others; empty: it can.
+[[nodiscard]] std::string refusal_of_place(const Peripheral& peripheral,
+                                           const std::vector<Peripheral>& others);
 /// As AddedNode::slot has it.
 [[nodiscard]] std::string slot_text(const Slot& slot);
 

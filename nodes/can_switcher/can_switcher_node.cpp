@@ -81,6 +81,13 @@ std::vector<std::string> CanSwitcherNode::turns() const {
 
 void CanSwitcherNode::on_deployment_changed() {
   if (rotation_) take_plan();
+  place_peripherals();
+}
+
+void CanSwitcherNode::place_peripherals() {
+  static_assert(suite::Peripheral::power_lines == hw::gpio_power_count);
+  power_cut_.place(deployment().peripherals);
+  if (listener_) listener_->unattended().place(deployment().peripherals);
 }
 
 void CanSwitcherNode::take_plan() {
@@ -174,10 +181,11 @@ void CanSwitcherNode::open_bus() {
   if (!deployment().devices.contains("can")) return;
   listener_ = BusListener::open(device("can"), var().root);
   if (!listener_) return;
+  place_peripherals();
   listen_timer_ = create_timer(
       BusListener::period, [this] { listen(); }, "can");
   if (!deployment().devices.contains("gpio")) return;
-  gpio_worker_ = create_worker("gpio", 2 * hw::peripherals.size());
+  gpio_worker_ = create_worker("gpio", 2 * suite::Peripheral::power_lines);
 }
 
 void CanSwitcherNode::record_holder() {
@@ -585,8 +593,8 @@ void CanSwitcherNode::listen() {
   const auto attended = [this](std::string_view payload) {
     return suite::find_instance(var(), std::string(payload)).has_value();
   };
-  for (const hw::Peripheral* peripheral : listener_->unattended().babbling(attended))
-    run(power_cut_.cut(*peripheral));
+  for (const suite::Peripheral& peripheral : listener_->unattended().babbling(attended))
+    run(power_cut_.cut(peripheral));
   run(power_cut_.give_back(attended));
 }
 
@@ -607,32 +615,32 @@ void CanSwitcherNode::carry_out(const CutPower& action) {
     return std::move(*opened);
   };
   const bool taken = gpio_worker_->ask(
-      [access = PowerAccess{attended, open_chip}, &peripheral = *action.peripheral,
-       &lines = power_lines_.at(action.peripheral->power_line)] {
+      [access = PowerAccess{attended, open_chip}, peripheral = action.peripheral,
+       &lines = power_lines_.at(action.peripheral.power_line)] {
         return cut_power(peripheral, lines, access);
       },
-      [this, &peripheral = *action.peripheral](const std::optional<Result<void, hw::GpioError>>& set) {
+      [this, peripheral = action.peripheral](const std::optional<Result<void, hw::GpioError>>& set) {
         run(power_cut_.on_cut(peripheral, set));
       });
-  if (!taken) power_cut_.on_refused(*action.peripheral);
+  if (!taken) power_cut_.on_refused(action.peripheral);
 }
 
 void CanSwitcherNode::carry_out(const GiveBackLines& action) {
   const bool taken =
-      gpio_worker_->post([&lines = power_lines_.at(action.peripheral->power_line)] { lines.reset(); },
-                         [this, &peripheral = *action.peripheral] { power_cut_.on_given_back(peripheral); });
-  if (!taken) power_cut_.on_refused(*action.peripheral);
+      gpio_worker_->post([&lines = power_lines_.at(action.peripheral.power_line)] { lines.reset(); },
+                         [this, peripheral = action.peripheral] { power_cut_.on_given_back(peripheral); });
+  if (!taken) power_cut_.on_refused(action.peripheral);
 }
 
 void CanSwitcherNode::carry_out(const ReportPowerCut& action) {
   log::error("the peripheral of {} babbles and its payload has no process: switched off",
-             action.peripheral->payload);
-  raise(mission::CanSwitcherPeripheralCutEvent{.payload = std::string(action.peripheral->payload)});
+             action.peripheral.payload);
+  raise(mission::CanSwitcherPeripheralCutEvent{.payload = action.peripheral.payload});
 }
 
 void CanSwitcherNode::carry_out(const ReportCutFailed& action) {
   log::error("the peripheral of {} babbles and cannot be switched off ({} tries): {}",
-             action.peripheral->payload, action.tries, hw::to_string(action.why));
+             action.peripheral.payload, action.tries, hw::to_string(action.why));
 }
 
 // ---------------------------------------------------------------- housekeeping

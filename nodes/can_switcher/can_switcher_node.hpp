@@ -44,6 +44,7 @@ class CanSwitcherNode : public suite::Node {
   /// The deployment's payloads in the order of their turns, or those of the parameter.
   [[nodiscard]] std::vector<std::string> turns() const;
   void take_plan();
+  void place_peripherals();
   void on_tick(const srfs_msgs::msg::TimeTick& tick, MonotonicTime received);
   void run(HoldoverActions actions);
   void carry_out(const Beat& action);
@@ -140,7 +141,7 @@ class CanSwitcherNode : public suite::Node {
   ros::Timer drain_timer_;
   std::shared_ptr<ros::Worker> gpio_worker_;  ///< none: the deployment has no GPIO
   /// By power line; the worker's alone.
-  std::array<std::unique_ptr<hw::GpioLines>, hw::peripherals.size()> power_lines_;
+  std::array<std::unique_ptr<hw::GpioLines>, suite::Peripheral::power_lines> power_lines_;
   PowerCut power_cut_;
   ActionQueue<PowerAction> power_actions_;
   suite::MissionTime time_;

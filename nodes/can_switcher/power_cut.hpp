@@ -12,7 +12,7 @@
 
 #include "base/result.hpp"
 #include "hw/gpio.hpp"
-#include "hw/peripherals.hpp"
+#include "suite/peripheral.hpp"
 
 namespace srfs {
 
@@ -21,19 +21,19 @@ namespace srfs {
 /// Take the lines of the GPIO chip, unless they are held for this peripheral, and switch it off: nothing of
 /// that if its payload has a process by then. Answer with on_cut() or on_refused().
 struct CutPower {
-  const hw::Peripheral* peripheral = nullptr;
+  suite::Peripheral peripheral;
 };
 /// Give the lines back that are held for this peripheral. Answer with on_given_back() or on_refused().
 struct GiveBackLines {
-  const hw::Peripheral* peripheral = nullptr;
+  suite::Peripheral peripheral;
 };
 /// It is off.
 struct ReportPowerCut {
-  const hw::Peripheral* peripheral = nullptr;
+  suite::Peripheral peripheral;
 };
 /// For the log, with every hundredth try.
 struct ReportCutFailed {
-  const hw::Peripheral* peripheral = nullptr;
+  suite::Peripheral peripheral;
   std::uint32_t tries = 0;  ///< that failed, of all peripherals
   hw::GpioError why = hw::GpioError::gone;
 };
@@ -46,16 +46,19 @@ using PowerActions = std::vector<PowerAction>;
 /// which switches its peripheral on as after every start. Pure; one thread.
 class PowerCut {
  public:
+  /// Where peripherals are now. A line that is held for another one than it belongs to from now on waits for
+  /// the payload of that one.
+  void place(const std::vector<suite::Peripheral>& peripherals);
   /// Nothing happens while an earlier job for its line goes on.
-  [[nodiscard]] PowerActions cut(const hw::Peripheral& peripheral);
+  [[nodiscard]] PowerActions cut(const suite::Peripheral& peripheral);
   /// To call often. @param attended  whether a payload has a process; asked about held lines only
   [[nodiscard]] PowerActions give_back(const std::function<bool(std::string_view payload)>& attended);
   /// @param set  nullopt: its payload has a process again
-  [[nodiscard]] PowerActions on_cut(const hw::Peripheral& peripheral,
+  [[nodiscard]] PowerActions on_cut(const suite::Peripheral& peripheral,
                                     const std::optional<Result<void, hw::GpioError>>& set);
-  void on_given_back(const hw::Peripheral& peripheral);
+  void on_given_back(const suite::Peripheral& peripheral);
   /// The worker had no room.
-  void on_refused(const hw::Peripheral& peripheral) { line(peripheral).busy = false; }
+  void on_refused(const suite::Peripheral& peripheral) { line(peripheral).busy = false; }
   /// All lines were given back; the counters go on.
   void close() { lines_ = {}; }
 
@@ -68,11 +71,11 @@ class PowerCut {
  private:
   struct Line {
     bool busy = false;  ///< a job on the worker
-    bool held = false;
+    std::optional<suite::Peripheral> held;
   };
-  [[nodiscard]] Line& line(const hw::Peripheral& peripheral) { return lines_.at(peripheral.power_line); }
+  [[nodiscard]] Line& line(const suite::Peripheral& peripheral) { return lines_.at(peripheral.power_line); }
 
-  std::array<Line, hw::peripherals.size()> lines_{};  ///< by power line
+  std::array<Line, suite::Peripheral::power_lines> lines_{};  ///< by power line
   Counters counters_;
 };
 

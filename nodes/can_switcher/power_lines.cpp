@@ -6,7 +6,7 @@
 
 namespace srfs {
 
-std::optional<Result<void, hw::GpioError>> cut_power(const hw::Peripheral& peripheral,
+std::optional<Result<void, hw::GpioError>> cut_power(const suite::Peripheral& peripheral,
                                                      std::unique_ptr<hw::GpioLines>& lines,
                                                      const PowerAccess& access) {
   if (access.attended(peripheral.payload)) return std::nullopt;

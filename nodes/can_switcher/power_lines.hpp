@@ -10,7 +10,7 @@
 
 #include "base/result.hpp"
 #include "hw/gpio.hpp"
-#include "hw/peripherals.hpp"
+#include "suite/peripheral.hpp"
 
 namespace srfs {
 
@@ -23,7 +23,7 @@ struct PowerAccess {
 /// Switches the peripheral's power off and holds its line from then on. Blocks on the chip.
 /// @param lines  of this peripheral; opened when they are not
 /// @return nullopt: its payload came back meanwhile, nothing was done
-[[nodiscard]] std::optional<Result<void, hw::GpioError>> cut_power(const hw::Peripheral& peripheral,
+[[nodiscard]] std::optional<Result<void, hw::GpioError>> cut_power(const suite::Peripheral& peripheral,
                                                                    std::unique_ptr<hw::GpioLines>& lines,
                                                                    const PowerAccess& access);
 

@@ -2,27 +2,39 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "nodes/can_switcher/unattended_peripherals.hpp"
 
+#include <algorithm>
+#include <utility>
+
 namespace srfs {
+
+void UnattendedPeripherals::place(const std::vector<suite::Peripheral>& peripherals) {
+  std::vector<Bucket> placed;
+  for (const suite::Peripheral& peripheral : peripherals) {
+    const auto known = std::find_if(buckets_.begin(), buckets_.end(),
+                                    [&](const Bucket& bucket) { return bucket.peripheral == peripheral; });
+    placed.push_back(known != buckets_.end() ? std::move(*known) : Bucket{peripheral, {}, false});
+  }
+  buckets_ = std::move(placed);
+}
 
 void UnattendedPeripherals::on_frame(std::uint32_t id, bool extended, MonotonicTime now) {
   constexpr std::uint32_t to_computer = 0x18DA01;  // docs/reference/icd_can.md, section 1
   if (!extended || id >> 8U != to_computer) return;
-  for (std::size_t i = 0; i < buckets_.size(); ++i) {
-    if (hw::peripherals[i].can_address == (id & 0xFFU)) buckets_[i].frames.add(now, forgiven_every);
+  for (Bucket& bucket : buckets_) {
+    if (bucket.peripheral.can_address == (id & 0xFFU)) bucket.frames.add(now, forgiven_every);
   }
 }
 
-std::vector<const hw::Peripheral*> UnattendedPeripherals::babbling(
+std::vector<suite::Peripheral> UnattendedPeripherals::babbling(
     const std::function<bool(std::string_view payload)>& attended) {
-  std::vector<const hw::Peripheral*> found;
-  for (std::size_t i = 0; i < buckets_.size(); ++i) {
-    Bucket& bucket = buckets_[i];
+  std::vector<suite::Peripheral> found;
+  for (Bucket& bucket : buckets_) {
     if (bucket.frames.level() <= tolerated_frames) continue;
     bucket.frames.empty();
     // The first time the frames may be older than the end of the process: they count from here.
     const bool before = bucket.unattended;
-    bucket.unattended = !attended(hw::peripherals[i].payload);
-    if (before && bucket.unattended) found.push_back(&hw::peripherals[i]);
+    bucket.unattended = !attended(bucket.peripheral.payload);
+    if (before && bucket.unattended) found.push_back(bucket.peripheral);
   }
   return found;
 }

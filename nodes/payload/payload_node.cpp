@@ -138,9 +138,16 @@ CallbackReturn PayloadNode::on_configure() {
 }
 
 bool PayloadNode::open_devices() {
-  auto can =
-      hw::open_can(device("can"), var().root,
-                   {hw::isotp_between(PeripheralLink::computer_address, profile_->peripheral().can_address)});
+  const suite::Peripheral* const place = deployment().peripheral_of(name());
+  if (place == nullptr) {
+    set_failure_reason(
+        fmt::format("{}: the entry of {} has no 'peripheral: {{ can_address: ..., power_line: ... }}'",
+                    deployment().file.string(), name()));
+    return false;
+  }
+  peripheral_ = *place;
+  auto can = hw::open_can(device("can"), var().root,
+                          {hw::isotp_between(PeripheralLink::computer_address, peripheral_.can_address)});
   auto gpio = hw::open_gpio(device("gpio"), var().root);
   if (!can || !gpio) {
     set_failure_reason(!can ? can.error().message : gpio.error().message);
@@ -157,7 +164,7 @@ void PayloadNode::restore() {
   (void)suite::read_state_file(
       var(), name(), "processing", 65536, suite::TakenBack::yes,
       [this](const std::string& content) { return profile_->restore_state(octets_of(content)); });
-  link_.emplace(profile_->peripheral().can_address);
+  link_.emplace(peripheral_.can_address);
   cycle_.emplace(
       settings(),
       [profile = profile_.get()](std::uint16_t function, OctetView arguments) {
@@ -685,8 +692,8 @@ void PayloadNode::carry_out(const SwitchPower& action) {
   const bool taken = gpio_worker_->ask(
       [this, on = action.on] {
         Outcome outcome;
-        outcome.was_on = gpio_->read_line(profile_->peripheral().power_line).value_or(true);
-        const auto set = gpio_->set_line(profile_->peripheral().power_line, on);
+        outcome.was_on = gpio_->read_line(peripheral_.power_line).value_or(true);
+        const auto set = gpio_->set_line(peripheral_.power_line, on);
         if (!set) log::warn("cannot switch the power of the peripheral: {}", hw::to_string(set.error()));
         outcome.ok = set.has_value();
         return outcome;

@@ -87,7 +87,9 @@ class PayloadNode : public suite::Node {
   void publish_structure(std::uint16_t structure_id, Octets data, MissionCycle cycle, MonotonicTime at);
   void flush_reports();
   void say_goodbye();
+
   std::unique_ptr<PayloadProfile> profile_;
+  suite::Peripheral peripheral_;  ///< as the deployment places it
   std::unique_ptr<hw::CanBus> can_;
   std::unique_ptr<hw::LeasedCanBus> leased_;
   std::unique_ptr<hw::GpioLines> gpio_;  ///< used on the gpio worker alone

@@ -11,7 +11,6 @@
 #include "base/octets.hpp"
 #include "base/result.hpp"
 #include "base/time.hpp"
-#include "hw/peripherals.hpp"
 #include "msgs/mission/encoded_event.hpp"
 #include "nodes/payload/payload_cycle.hpp"
 
@@ -45,7 +44,6 @@ class PayloadProfile {
  public:
   virtual ~PayloadProfile() = default;
 
-  [[nodiscard]] virtual const hw::Peripheral& peripheral() const = 0;
   [[nodiscard]] virtual std::uint16_t apid() const = 0;
   [[nodiscard]] virtual std::uint16_t structure_id() const = 0;
 

@@ -17,7 +17,6 @@ namespace srfs {
 /// Attitude determination and control: pointing error against the commanded target, body rate, eclipse.
 class AdcsProfile : public PayloadProfile {
  public:
-  [[nodiscard]] const hw::Peripheral& peripheral() const override { return hw::adcs; }
   [[nodiscard]] std::uint16_t apid() const override { return mission::apid::payload_adcs; }
   [[nodiscard]] std::uint16_t structure_id() const override { return mission::structure::payload_adcs; }
 

@@ -14,7 +14,6 @@ class EpsProfile : public PayloadProfile {
   /// Full battery of the satellite; the state of charge is a share of it.
   static constexpr float battery_capacity_ah = 5.2F;
 
-  [[nodiscard]] const hw::Peripheral& peripheral() const override { return hw::eps; }
   [[nodiscard]] std::uint16_t apid() const override { return mission::apid::payload_eps; }
   [[nodiscard]] std::uint16_t structure_id() const override { return mission::structure::payload_eps; }
 

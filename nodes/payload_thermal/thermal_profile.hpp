@@ -15,7 +15,6 @@ class ThermalProfile : public PayloadProfile {
   static constexpr float highest_k = 338.15F;
   static constexpr float hysteresis_k = 2.0F;
 
-  [[nodiscard]] const hw::Peripheral& peripheral() const override { return hw::thermal; }
   [[nodiscard]] std::uint16_t apid() const override { return mission::apid::payload_thermal; }
   [[nodiscard]] std::uint16_t structure_id() const override { return mission::structure::payload_thermal; }
 

@@ -79,10 +79,9 @@ constexpr std::array kinds{
     Kind{"dev", "watchdog", "/sys/class/watchdog", "watchdog", "dmesg | grep -i -e watchdog -e wdt", W_OK},
     Kind{"v4l2", "camera", "/sys/class/video4linux", "video", "dmesg | grep -i video", R_OK | W_OK}};
 
-/// Executables that open a device; empty: one of added nodes, or unknown.
+/// Executables that open a device, beside those of payloads; empty: one of added nodes, or unknown.
 std::vector<std::string_view> users_of(std::string_view key) {
-  if (key == "can" || key == "gpio")
-    return {"can_switcher_node", "payload_adcs_node", "payload_eps_node", "payload_thermal_node"};
+  if (key == "can" || key == "gpio") return {"can_switcher_node"};
   if (key == "rs422") return {"ttc_node"};
   if (key == "camera") return {"image_acquisition_node"};
   if (key == "gps_pulse" || key == "gps_serial" || key == "watchdog") return {"timing_node"};
@@ -92,10 +91,12 @@ std::vector<std::string_view> users_of(std::string_view key) {
 /// The accounts of the processes that open a device, each once.
 std::vector<Account> accounts_for(const Examination& x, std::string_view key) {
   const auto executables = users_of(key);
+  const bool of_payloads = key == "can" || key == "gpio";
   std::vector<Account> accounts;
   for (const NodeEntry& node : x.deployment.nodes) {
     const std::string executable = fs::path(node.executable).filename();
-    if (!executables.empty() &&
+    const bool payload = of_payloads && node.peripheral;
+    if (!executables.empty() && !payload &&
         std::find(executables.begin(), executables.end(), executable) == executables.end())
       continue;
     const auto account = x.account(node);

@@ -65,7 +65,7 @@ class BusOffTest(CanFaultTest):
             self.assert_nobody_was_restarted(flight)
 
     def test_a_bus_off_in_the_middle_of_a_slot_ends_it_as_no_silence_of_the_peripheral(self):
-        payload = "executable: payload_eps_node\n    scheduling: { policy: other, priority: 0, cpus: [] }"
+        payload = "executable: payload_eps_node\n    peripheral: { can_address: 0x12, power_line: 1 }\n    scheduling: { policy: other, priority: 0, cpus: [] }"
         deployment = self.deployment((payload, payload + "\n    parameters: { answer_timeout_ms: 40, silent_slots_to_power_cycle: 0 }"))
         with self.flight(deployment) as flight:
             recorder = flight.recorder()
@@ -246,7 +246,7 @@ class FenceTest(CanFaultTest):
 class UnwatchedSlotTest(CanFaultTest):
     def test_a_switcher_that_was_unconfigured_in_the_middle_of_a_slot_asks_for_it_back_and_kills_nobody(self):
         slot = "payload: payload_eps, allotted_ms: "
-        payload = "executable: payload_eps_node\n    scheduling: { policy: other, priority: 0, cpus: [] }"
+        payload = "executable: payload_eps_node\n    peripheral: { can_address: 0x12, power_line: 1 }\n    scheduling: { policy: other, priority: 0, cpus: [] }"
         deployment = self.deployment(
             (slot + "60", slot + "4000"),
             (payload, payload + "\n    parameters: { answer_timeout_ms: 10000, silent_slots_to_power_cycle: 0 }"),

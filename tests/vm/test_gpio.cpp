@@ -52,7 +52,7 @@ std::unique_ptr<GpioLines> open(const std::filesystem::path& device, const std::
 TEST_F(GpioChipOfTheKernel, SwitchesPowerLinesAndReadsThemBackAsDriven) {
   VirtualGpio& chip = *chips().lasting;
   const auto gpio = open(chip.device());
-  for (const std::uint8_t line : {gpio_power_adcs, gpio_power_eps, gpio_power_thermal}) {
+  for (const std::uint8_t line : {0, 1, 2}) {
     for (const bool on : {true, false, true}) {
       ASSERT_TRUE(gpio->set_line(line, on));
       EXPECT_EQ(chip.driven(line), on);
@@ -76,27 +76,27 @@ TEST_F(GpioChipOfTheKernel, ReadsInputsAsTheyAre) {
 
 TEST_F(GpioChipOfTheKernel, KeepsAPowerLineAsItStandsWhenItsOwnerIsReplaced) {
   VirtualGpio& chip = *chips().lasting;
-  ASSERT_TRUE(open(chip.device())->set_line(gpio_power_eps, true));  // the handle is closed again
-  const std::size_t changes = chip.changes(gpio_power_eps);
+  ASSERT_TRUE(open(chip.device())->set_line(1, true));  // the handle is closed again
+  const std::size_t changes = chip.changes(1);
 
   const auto successor = open(chip.device());
-  EXPECT_EQ(successor->read_line(gpio_power_eps), true);
-  EXPECT_EQ(chip.driven(gpio_power_eps), true);
-  EXPECT_EQ(chip.changes(gpio_power_eps), changes) << "neither the end nor the reading switched it";
+  EXPECT_EQ(successor->read_line(1), true);
+  EXPECT_EQ(chip.driven(1), true);
+  EXPECT_EQ(chip.changes(1), changes) << "neither the end nor the reading switched it";
 
-  ASSERT_TRUE(successor->set_line(gpio_power_eps, false));
-  EXPECT_EQ(chip.driven(gpio_power_eps), false);
+  ASSERT_TRUE(successor->set_line(1, false));
+  EXPECT_EQ(chip.driven(1), false);
 }
 
 TEST_F(GpioChipOfTheKernel, SharesTheChipButNotALine) {
   VirtualGpio& chip = *chips().lasting;
   const auto adcs = open(chip.device());
   const auto eps = open(chip.device());
-  ASSERT_TRUE(adcs->set_line(gpio_power_adcs, true));
-  ASSERT_TRUE(eps->set_line(gpio_power_eps, true));
-  EXPECT_EQ(eps->set_line(gpio_power_adcs, false).error(), GpioError::not_ours);
-  EXPECT_EQ(eps->read_line(gpio_power_adcs).error(), GpioError::not_ours);
-  EXPECT_EQ(chip.driven(gpio_power_adcs), true);
+  ASSERT_TRUE(adcs->set_line(0, true));
+  ASSERT_TRUE(eps->set_line(1, true));
+  EXPECT_EQ(eps->set_line(0, false).error(), GpioError::not_ours);
+  EXPECT_EQ(eps->read_line(0).error(), GpioError::not_ours);
+  EXPECT_EQ(chip.driven(0), true);
 }
 
 TEST_F(GpioChipOfTheKernel, SaysThatALineIsNotThere) {
@@ -112,18 +112,18 @@ TEST_F(GpioChipOfTheKernel, OutlivesTheLossOfTheChip) {
   const std::filesystem::path link = folder.path() / "chip";  // like a lasting chip name from udev
   std::filesystem::create_symlink(chips().passing->device(), link);
   const auto gpio = open(link);
-  ASSERT_TRUE(gpio->set_line(gpio_power_thermal, true));
+  ASSERT_TRUE(gpio->set_line(2, true));
 
   chips().passing.reset();
-  EXPECT_EQ(gpio->set_line(gpio_power_thermal, true).error(), GpioError::gone);
-  EXPECT_EQ(gpio->read_line(gpio_power_thermal).error(), GpioError::gone);
+  EXPECT_EQ(gpio->set_line(2, true).error(), GpioError::gone);
+  EXPECT_EQ(gpio->read_line(2).error(), GpioError::gone);
 
   VirtualGpio& next = *chips().lasting;
   std::filesystem::remove(link);
   std::filesystem::create_symlink(next.device(), link);
   const MonotonicTime end = monotonic_now() + vm::patience;
-  while (!gpio->set_line(gpio_power_thermal, true) && monotonic_now() < end) ::usleep(10'000);
-  EXPECT_EQ(next.driven(gpio_power_thermal), true);
+  while (!gpio->set_line(2, true) && monotonic_now() < end) ::usleep(10'000);
+  EXPECT_EQ(next.driven(2), true);
   EXPECT_EQ(gpio->counters().reopened, 1U);
   chips().passing.emplace();  // for the next repetition
 }

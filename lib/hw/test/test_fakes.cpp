@@ -56,7 +56,7 @@ TEST(FakeSerialPort, HasARoomAndAnOtherEnd) {
 
 TEST(FakeDevices, RememberWhatWasDone) {
   FakeGpioLines gpio;
-  ASSERT_TRUE(gpio.set_line(gpio_power_eps, true));
+  ASSERT_TRUE(gpio.set_line(1, true));
   EXPECT_EQ(gpio.history.size(), 1U);
   EXPECT_EQ(gpio.set_line(gpio_first_input, true).error(), GpioError::no_line);
   gpio.levels[gpio_first_input + 2] = true;

@@ -115,6 +115,27 @@ TEST_F(AddedNodesTest, StandInTheDeploymentWithEntrySlotAndDevices) {
   EXPECT_THAT(turns_of(d.slots), ElementsAre("b", "extra", "c"));
 }
 
+TEST_F(AddedNodesTest, BringThePlaceOfTheirPeripheralThatMayBeOnTheBusBefore) {
+  const auto problem = [](const DeploymentReading& reading) {
+    return reading.problems.empty() ? std::string() : reading.problems.front();
+  };
+  const AddedNode extra{"extra", "", "peripheral: {can_address: 0x14, power_line: 3}\n", ""};
+  const std::string listed = "peripherals: [{payload: extra, can_address: 0x14, power_line: 3}]\n";
+  const auto file_with = [&](const std::string& more) {
+    EXPECT_TRUE(write_file_atomically(file_, deployment_text + more));
+    return with_added(deployment(), {1, {extra}});
+  };
+  for (const std::string& more : {std::string(), listed}) {
+    const DeploymentReading reading = file_with(more);
+    EXPECT_EQ(problem(reading), "");
+    EXPECT_EQ(reading.deployment.peripherals, (std::vector<Peripheral>{{"extra", 0x14, 3}}));
+  }
+  EXPECT_THAT(problem(file_with("peripherals: [{payload: extra, can_address: 0x15, power_line: 3}]\n")),
+              HasSubstr("at CAN address 0x15, power line 3"));
+  EXPECT_THAT(problem(file_with("peripherals: [{payload: other, can_address: 0x14, power_line: 2}]\n")),
+              HasSubstr("CAN address 0x14 is that of other and of extra"));
+}
+
 TEST_F(AddedNodesTest, MayHaveTheirSlotApartFromTheirEntry) {
   AddedNode node{"extra", "", "name: extra\nexecutable: any\n", "", std::size_t{2}};
   node.slot = slot_text({"extra", milliseconds(30), milliseconds(10), milliseconds(20), "b"});

@@ -278,6 +278,36 @@ TEST_F(DeploymentTest, StartRecordsSurviveAndKeepTheCause) {
   EXPECT_EQ(read_start_record(var, "ttc").last_cause, "watchdog starved second line");
 }
 
+TEST_F(DeploymentTest, PlacesThePeripheralsOfItsNodesAndThoseWhoseNodeIsNotThereYet) {
+  const std::string head = "deployment: d\nnodes:\n";
+  const std::string one = "  - {name: one, executable: x, peripheral: {can_address: 0x21, power_line: 4}}\n";
+  EXPECT_TRUE(write_file_atomically(
+      folder_ / "d.yaml", head + one + "  - {name: two, executable: x}\n" +
+                              "peripherals: [{payload: later, can_address: 0x22, power_line: 5}]\n"));
+  const Deployment d = Deployment::load(folder_ / "d.yaml");
+  EXPECT_EQ(d.peripherals, (std::vector<Peripheral>{{"one", 0x21, 4}, {"later", 0x22, 5}}));
+  EXPECT_EQ(*d.peripheral_of("one"), (Peripheral{"one", 0x21, 4}));
+  EXPECT_EQ(d.peripheral_of("two"), nullptr);
+
+  const auto error_beside_one = [&](const std::string& more) { return error_of(head + one + more); };
+  const auto two = [](const std::string& place) {
+    return "  - {name: two, executable: x, peripheral: {" + place + "}}\n";
+  };
+  EXPECT_THAT(error_beside_one(two("can_address: 0x21, power_line: 5")),
+              HasSubstr("CAN address 0x21 is that of one and of two"));
+  EXPECT_THAT(error_beside_one(two("can_address: 0x22, power_line: 4")),
+              HasSubstr("power line 4 is that of one and of two"));
+  EXPECT_THAT(error_beside_one(two("can_address: 1, power_line: 5")), HasSubstr("can_address"));
+  EXPECT_THAT(error_beside_one(two("can_address: 255, power_line: 5")), HasSubstr("can_address"));
+  EXPECT_THAT(error_beside_one(two("can_address: 0x22, power_line: 8")), HasSubstr("power_line"));
+  EXPECT_THAT(error_beside_one(two("can_address: 0x22")), HasSubstr("power_line"));
+  EXPECT_THAT(error_beside_one(two("can_address: 0x22, power_line: 5, bus: 1")), HasSubstr("bus"));
+  EXPECT_THAT(error_beside_one("peripherals: [{payload: one, can_address: 0x22, power_line: 5}]\n"),
+              HasSubstr("of a node, its entry says it"));
+  EXPECT_THAT(error_beside_one("peripherals: [{payload: later, can_address: 0x21, power_line: 5}]\n"),
+              HasSubstr("CAN address 0x21"));
+}
+
 TEST_F(DeploymentTest, ANodeMayHaveOtherNamesForTopicsButNotForItself) {
   const auto text = [](const std::string& rule) {
     return "deployment: d\nnodes: [{name: eps, executable: x, remap: ['" + rule + "']}]\n";

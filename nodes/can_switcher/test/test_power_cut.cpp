@@ -8,8 +8,12 @@
 
 #include <gtest/gtest.h>
 
+#include "nodes/can_switcher/test/placed_peripherals.hpp"
+
 namespace srfs {
 namespace {
+
+const std::vector<suite::Peripheral> peripherals{adcs, eps, thermal};
 
 using Set = std::optional<Result<void, hw::GpioError>>;
 
@@ -36,26 +40,26 @@ class PowerCutTest : public testing::Test {
 };
 
 TEST_F(PowerCutTest, SwitchesThePowerOffAndHoldsTheLineUntilThePayloadHasAProcess) {
-  const PowerActions cut = cut_.cut(hw::eps);
+  const PowerActions cut = cut_.cut(eps);
   ASSERT_NE(sole<CutPower>(cut), nullptr);
-  EXPECT_EQ(sole<CutPower>(cut)->peripheral->payload, "payload_eps");
-  EXPECT_TRUE(cut_.cut(hw::eps).empty()) << "one job at a time";
+  EXPECT_EQ(sole<CutPower>(cut)->peripheral.payload, "payload_eps");
+  EXPECT_TRUE(cut_.cut(eps).empty()) << "one job at a time";
   EXPECT_TRUE(cut_.give_back(everybody).empty()) << "nothing is held yet";
 
-  const PowerActions off = cut_.on_cut(hw::eps, is_off);
+  const PowerActions off = cut_.on_cut(eps, is_off);
   ASSERT_NE(sole<ReportPowerCut>(off), nullptr);
   EXPECT_EQ(cut_.counters().cut, 1U);
   EXPECT_TRUE(cut_.give_back(nobody).empty()) << "its payload is still away";
   const PowerActions back = cut_.give_back(everybody);
   ASSERT_NE(sole<GiveBackLines>(back), nullptr) << "the payload must be able to take its line";
   EXPECT_TRUE(cut_.give_back(everybody).empty());
-  cut_.on_given_back(hw::eps);
+  cut_.on_given_back(eps);
   EXPECT_TRUE(cut_.give_back(everybody).empty());
 }
 
 TEST_F(PowerCutTest, LeavesThePeripheralToAPayloadThatCameBackMeanwhile) {
-  (void)cut_.cut(hw::eps);
-  EXPECT_TRUE(cut_.on_cut(hw::eps, attended_again).empty());
+  (void)cut_.cut(eps);
+  EXPECT_TRUE(cut_.on_cut(eps, attended_again).empty());
   EXPECT_TRUE(cut_.give_back(everybody).empty()) << "no line was taken";
   EXPECT_EQ(cut_.counters().cut, 0U);
 }
@@ -63,8 +67,8 @@ TEST_F(PowerCutTest, LeavesThePeripheralToAPayloadThatCameBackMeanwhile) {
 TEST_F(PowerCutTest, SaysWhyItFailedWithEveryHundredthTryAndTriesAgainWhenAsked) {
   int reports = 0;
   for (int i = 0; i < 201; ++i) {
-    ASSERT_NE(sole<CutPower>(cut_.cut(hw::eps)), nullptr);
-    const PowerActions actions = cut_.on_cut(hw::eps, failed(hw::GpioError::not_ours));
+    ASSERT_NE(sole<CutPower>(cut_.cut(eps)), nullptr);
+    const PowerActions actions = cut_.on_cut(eps, failed(hw::GpioError::not_ours));
     if (actions.empty()) continue;
     ++reports;
     EXPECT_EQ(sole<ReportCutFailed>(actions)->why, hw::GpioError::not_ours);
@@ -75,9 +79,18 @@ TEST_F(PowerCutTest, SaysWhyItFailedWithEveryHundredthTryAndTriesAgainWhenAsked)
 }
 
 TEST_F(PowerCutTest, TriesAgainAfterTheWorkerHadNoRoom) {
-  (void)cut_.cut(hw::adcs);
-  cut_.on_refused(hw::adcs);
-  EXPECT_NE(sole<CutPower>(cut_.cut(hw::adcs)), nullptr);
+  (void)cut_.cut(adcs);
+  cut_.on_refused(adcs);
+  EXPECT_NE(sole<CutPower>(cut_.cut(adcs)), nullptr);
+}
+
+TEST_F(PowerCutTest, AHeldLineWaitsForThePayloadThatItBelongsToByThen) {
+  (void)cut_.cut(eps);
+  (void)cut_.on_cut(eps, is_off);
+  cut_.place({adcs, {"payload_new", 0x22, eps.power_line}});
+  EXPECT_TRUE(cut_.give_back([](std::string_view payload) { return payload == eps.payload; }).empty());
+  const PowerActions back = cut_.give_back([](std::string_view payload) { return payload == "payload_new"; });
+  ASSERT_NE(sole<GiveBackLines>(back), nullptr);
 }
 
 TEST(PowerCutProperties, OneJobForALineAtATimeAndNoPayloadIsKeptFromItsLine) {
@@ -98,27 +111,27 @@ TEST(PowerCutProperties, OneJobForALineAtATimeAndNoPayloadIsKeptFromItsLine) {
       for (const PowerAction& job : jobs) {
         const auto* const off = std::get_if<CutPower>(&job);
         const auto* const back = std::get_if<GiveBackLines>(&job);
-        ASSERT_TRUE(busy.insert((off != nullptr ? off->peripheral : back->peripheral)->payload).second);
+        ASSERT_TRUE(busy.insert((off != nullptr ? off->peripheral : back->peripheral).payload).second);
       }
     };
     const auto work = [&] {
       const PowerAction job = jobs.front();
       jobs.pop_front();
       if (const auto* const off = std::get_if<CutPower>(&job)) {
-        const hw::Peripheral& peripheral = *off->peripheral;
+        const suite::Peripheral& peripheral = off->peripheral;
         if (random() % 5 == 0) return cut.on_refused(peripheral);
         if (attended(peripheral.payload)) return apply(cut.on_cut(peripheral, attended_again));
         const bool opens = held.contains(peripheral.payload) || random() % 4 != 0;
         if (opens) held.insert(peripheral.payload);
         return apply(cut.on_cut(peripheral, opens ? is_off : failed(hw::GpioError::gone)));
       }
-      const hw::Peripheral& peripheral = *std::get<GiveBackLines>(job).peripheral;
+      const suite::Peripheral& peripheral = std::get<GiveBackLines>(job).peripheral;
       if (random() % 5 == 0) return cut.on_refused(peripheral);
       held.erase(peripheral.payload);
       cut.on_given_back(peripheral);
     };
     for (int step = 0; step < 400; ++step) {
-      const hw::Peripheral& peripheral = hw::peripherals.at(random() % hw::peripherals.size());
+      const suite::Peripheral& peripheral = peripherals.at(random() % peripherals.size());
       switch (random() % 4) {
         case 0:
           if (!running.erase(peripheral.payload)) running.insert(peripheral.payload);
@@ -134,7 +147,7 @@ TEST(PowerCutProperties, OneJobForALineAtATimeAndNoPayloadIsKeptFromItsLine) {
       }
       if (testing::Test::HasFatalFailure()) return;
     }
-    for (const hw::Peripheral& peripheral : hw::peripherals) running.insert(peripheral.payload);
+    for (const suite::Peripheral& peripheral : peripherals) running.insert(peripheral.payload);
     for (int i = 0; i < 200; ++i) {
       apply(cut.give_back(attended));
       if (!jobs.empty()) work();

@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <gtest/gtest.h>
 
+#include "nodes/can_switcher/test/placed_peripherals.hpp"
 #include "nodes/can_switcher/unattended_peripherals.hpp"
 
 namespace srfs {
@@ -15,16 +16,17 @@ struct Unattended : ::testing::Test {
   bool attended = false;
   int questions = 0;
 
+  void SetUp() override { peripherals.place({adcs, eps}); }
   void hear(int frames, std::uint32_t id = from_eps, nanoseconds distance = microseconds(300)) {
     for (int i = 0; i < frames; ++i) peripherals.on_frame(id, true, now += distance);
   }
-  std::vector<std::string_view> babbling() {
-    std::vector<std::string_view> payloads;
-    for (const hw::Peripheral* p : peripherals.babbling([this](std::string_view) {
+  std::vector<std::string> babbling() {
+    std::vector<std::string> payloads;
+    for (const suite::Peripheral& p : peripherals.babbling([this](std::string_view) {
            ++questions;
            return attended;
          }))
-      payloads.push_back(p->payload);
+      payloads.push_back(p.payload);
     return payloads;
   }
 };
@@ -36,7 +38,7 @@ TEST_F(UnattendedPeripheralsTest, NamesThePayloadThatHasNoProcessAndWhosePeriphe
   hear(64);
   EXPECT_TRUE(babbling().empty());
   hear(1);
-  EXPECT_EQ(babbling(), std::vector<std::string_view>{"payload_eps"});
+  EXPECT_EQ(babbling(), std::vector<std::string>{"payload_eps"});
   EXPECT_TRUE(babbling().empty()) << "once";
 }
 
@@ -64,6 +66,22 @@ TEST_F(UnattendedPeripheralsTest, AsksNobodyAboutTheRestOfAnAnswerOrAFewFramesNo
   hear(1000, from_eps, milliseconds(60));
   (void)babbling();
   EXPECT_EQ(questions, 0);
+}
+
+TEST_F(UnattendedPeripheralsTest, CountsOnForAPeripheralThatStaysAndForgetsOneThatLeft) {
+  hear(65);
+  (void)babbling();
+  hear(40);
+  peripherals.place({eps, {"payload_new", 0x22, 3}});
+  hear(40);
+  EXPECT_EQ(babbling(), std::vector<std::string>{"payload_eps"});
+  hear(40);
+  peripherals.place({adcs});
+  hear(200);
+  EXPECT_TRUE(babbling().empty());
+  peripherals.place({adcs, eps});
+  hear(64);
+  EXPECT_TRUE(babbling().empty());
 }
 
 TEST_F(UnattendedPeripheralsTest, DoesNotTakeOtherFramesForAPeripherals) {

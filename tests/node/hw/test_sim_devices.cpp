@@ -88,10 +88,10 @@ TEST(SimGpio, AsksAndIsAnswered) {
     EXPECT_EQ(simulator.receive(), std::string("\x01\x00\x00\x00", 4));
     simulator.send("\x02\x00\x00\x00", 4);
   });
-  EXPECT_TRUE(gpio->set_line(gpio_power_thermal, true));
+  EXPECT_TRUE(gpio->set_line(2, true));
   EXPECT_EQ(gpio->read_line(9), true);
   EXPECT_EQ(gpio->read_bank(), 0x0A);
-  EXPECT_EQ(gpio->set_line(gpio_power_adcs, false).error(), GpioError::refused);
+  EXPECT_EQ(gpio->set_line(0, false).error(), GpioError::refused);
   EXPECT_EQ(gpio->set_line(9, true).error(), GpioError::no_line);
   board.join();
 }

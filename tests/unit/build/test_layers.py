@@ -19,7 +19,7 @@ MAY_USE = {
     "lib/ros": {"base"},
     "lib/suite": {"base", "wire", "ros", "update", "mission", "srfs_msgs", "msgs/mission"},
     "msgs/mission": {"base", "wire"},
-    "hw_sim": {"base", "wire", "hw", "image", "update"},
+    "hw_sim": {"base", "wire", "hw", "image", "suite", "update"},
     "ground": {"base", "wire", "cfdp", "update", "suite", "mission", "msgs/mission"},
     "programs/detect": {"base", "image"},
     "programs/product": {"base", "image"},
