@@ -38,7 +38,7 @@ function(srfs_write_node_build output)
     list(APPEND flags ${SRFS_HARDENING_COMPILE} ${SRFS_FORTIFY} ${SRFS_HARDENING_LINK})  # the linker's mean nothing to the compiler
   endif()
   get_property(libraries GLOBAL PROPERTY SRFS_LIBRARIES)
-  list(REMOVE_ITEM libraries srfs_msgs srfs_node srfs_camera srfs_fits)
+  list(REMOVE_ITEM libraries srfs_msgs srfs_node srfs_camera srfs_fits srfs_hw_sim)
   list(APPEND libraries fastrtps fastcdr fmt yaml-cpp crypto)
   foreach(list flags libraries ARG_INCLUDE ARG_READABLE)
     list(JOIN ${list} "\", \"" joined)
@@ -53,11 +53,13 @@ function(srfs_write_node_build output)
 ")
 endfunction()
 
+# All that a node may need; what it does not use is not loaded.
+add_library(srfs_node INTERFACE)
+add_library(srfs::node ALIAS srfs_node)
+target_link_libraries(srfs_node INTERFACE srfs_suite srfs_hw srfs_msgs srfs_mission srfs_commanding srfs_payload)
+
 # srfs_install_package(): called once at the end.
 function(srfs_install_package)
-  # All that a node may need; what it does not use is not loaded.
-  add_library(srfs_node INTERFACE)
-  target_link_libraries(srfs_node INTERFACE srfs_suite srfs_hw srfs_msgs srfs_mission srfs_commanding srfs_payload)
   set_property(GLOBAL APPEND PROPERTY SRFS_LIBRARIES srfs_msgs srfs_node)
 
   get_property(libraries GLOBAL PROPERTY SRFS_LIBRARIES)
@@ -70,15 +72,18 @@ function(srfs_install_package)
     LIBRARY DESTINATION ${CMAKE_INSTALL_LIBDIR} ARCHIVE DESTINATION ${CMAKE_INSTALL_LIBDIR})
   install(EXPORT srfsTargets NAMESPACE srfs:: DESTINATION ${SRFS_INSTALL_CMAKE})
 
+  set(SRFS_GENERATOR ${CMAKE_INSTALL_DATADIR}/srfs/generator)
   configure_package_config_file(${PROJECT_SOURCE_DIR}/cmake/srfsConfig.cmake.in ${PROJECT_BINARY_DIR}/srfsConfig.cmake
-    INSTALL_DESTINATION ${SRFS_INSTALL_CMAKE} PATH_VARS CMAKE_INSTALL_LIBDIR NO_SET_AND_CHECK_MACRO)
+    INSTALL_DESTINATION ${SRFS_INSTALL_CMAKE} PATH_VARS CMAKE_INSTALL_LIBDIR CMAKE_INSTALL_BINDIR SRFS_GENERATOR NO_SET_AND_CHECK_MACRO)
   write_basic_package_version_file(${PROJECT_BINARY_DIR}/srfsConfigVersion.cmake COMPATIBILITY SameMinorVersion)
   install(FILES ${PROJECT_BINARY_DIR}/srfsConfig.cmake ${PROJECT_BINARY_DIR}/srfsConfigVersion.cmake
+    ${PROJECT_SOURCE_DIR}/cmake/SrfsMission.cmake ${PROJECT_SOURCE_DIR}/cmake/simulator_main.cpp.in
     DESTINATION ${SRFS_INSTALL_CMAKE})
 
   set(headers FILES_MATCHING PATTERN "*.hpp" PATTERN test EXCLUDE PATTERN catalogue EXCLUDE)
   install(DIRECTORY lib/ DESTINATION ${SRFS_INSTALL_HEADERS} ${headers})
   install(DIRECTORY nodes/payload DESTINATION ${SRFS_INSTALL_HEADERS}/nodes ${headers})
+  install(DIRECTORY hw_sim DESTINATION ${SRFS_INSTALL_HEADERS} ${headers})
   install(DIRECTORY msgs/mission DESTINATION ${SRFS_INSTALL_HEADERS}/msgs ${headers})
   set(generated_messages ${PROJECT_BINARY_DIR}/msgs/generated)
   set(generated_structures ${PROJECT_BINARY_DIR}/msgs/mission/generated)

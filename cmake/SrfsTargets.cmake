@@ -27,6 +27,8 @@ function(srfs_add_library name)
   endif()
   if(ARG_SHARED OR ARG_INSTALL)
     set_property(GLOBAL APPEND PROPERTY SRFS_LIBRARIES ${name})
+    string(REGEX REPLACE "^srfs_" "" short ${name})
+    add_library(srfs::${short} ALIAS ${name})
   endif()
 endfunction()
 
@@ -82,6 +84,16 @@ function(add_srfs_node name)
   if(ARG_TEST AND ARG_LOGIC)
     srfs_add_unit_test(${name}_logic SOURCES ${ARG_TEST} DEPS srfs_${name}_logic)
   endif()
+endfunction()
+
+# How SrfsMission builds in this tree.
+function(srfs_mission_library name)
+  cmake_parse_arguments(ARG "" "" "SOURCES;DEPS" ${ARGN})
+  srfs_add_library(${name} SOURCES ${ARG_SOURCES} DEPS ${ARG_DEPS})
+  target_include_directories(${name} PUBLIC ${CMAKE_CURRENT_SOURCE_DIR})
+endfunction()
+function(srfs_mission_program name)
+  srfs_add_executable(${name} ${ARGN})
 endfunction()
 
 # Time limits end what hangs; on a busy machine everything takes many times as long.

@@ -101,6 +101,18 @@ struct Operation {
 };
 using Verb = Exit (*)(const Operation&);
 
+/// As the deployment says; it need not be readable for verbs that do without.
+std::filesystem::path dictionary_of(const Arguments& a) {
+  try {
+    const auto deployment = find_deployment(a.deployment);
+    auto own = deployment ? suite::Deployment::load(*deployment).dictionary : std::filesystem::path();
+    if (!own.empty()) return own;
+  } catch (const ConfigError&) {
+    // who needs the deployment reports it
+  }
+  return mission::Dictionary::default_folder();
+}
+
 Exit operate(const Arguments& a, Verb verb) {
   const std::filesystem::path port = a.port;
   const auto var_dir = port.has_parent_path() ? port.parent_path() : std::filesystem::path(".");
@@ -108,7 +120,7 @@ Exit operate(const Arguments& a, Verb verb) {
       a.state.empty() ? var_dir / "ground" : std::filesystem::path(a.state);
   std::vector<std::string> warnings;
   auto dictionary =
-      load_dictionary(mission::Dictionary::default_folder(),
+      load_dictionary(dictionary_of(a),
                       {{a.fragments.begin(), a.fragments.end()}, state_dir / "fragments", var_dir}, warnings);
   if (!dictionary) return fail(a, dictionary.error());
   for (const std::string& warning : warnings) std::fprintf(stderr, "srfs-ground: %s\n", warning.c_str());

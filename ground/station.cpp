@@ -293,18 +293,30 @@ void Station::on_packet(const ReceivedPacket& received, MonotonicTime now) {
   }
   const TelemetryReport report = decode_telemetry(dictionary_, received);
   if (report.kind == TelemetryKind::beacon && received.vc == tm_channel::live) {
-    OctetReader in(received.packet.source);
-    static_cast<void>(in.u16());
-    if (const auto beacon = mission::Beacon::decode(in)) {
-      for (std::size_t i = 0; i < beacon->sdls_spi.size(); ++i) {
-        const auto warning = uplink_.on_spacecraft_counter(beacon->sdls_spi[i], beacon->sdls_counter[i]);
-        if (warning && output_.problem) output_.problem(*warning);
-      }
-      if (const auto set = uplink_.set_of(beacon->sdls_spi.front())) follow_keys(*set, "the beacon");
-    }
+    follow_counters(report);
   }
   if (output_.telemetry) output_.telemetry(report);
   end_retrievals(now);
+}
+
+/// Of the spacecraft's associations, as its beacon reports them.
+void Station::follow_counters(const TelemetryReport& beacon) {
+  const auto number = [&beacon](std::string_view name) -> std::optional<std::uint64_t> {
+    for (const mission::DecodedField& field : beacon.fields) {
+      if (field.name != name) continue;
+      if (const auto* value = std::get_if<std::uint64_t>(&field.value)) return *value;
+    }
+    return std::nullopt;
+  };
+  for (const std::string of : {"bd", "ad"}) {
+    const auto spi = number("sdls_spi." + of);
+    const auto counter = number("sdls_counter." + of);
+    if (!spi || !counter) return;
+    const auto warning = uplink_.on_spacecraft_counter(static_cast<std::uint16_t>(*spi), *counter);
+    if (warning && output_.problem) output_.problem(*warning);
+  }
+  const auto spi = static_cast<std::uint16_t>(*number("sdls_spi.bd"));
+  if (const auto set = uplink_.set_of(spi)) follow_keys(*set, "the beacon");
 }
 
 void Station::on_stage(const StageReport& stage, MonotonicTime now) {

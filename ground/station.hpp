@@ -135,6 +135,7 @@ class Station {
   void on_stage(const StageReport& report, MonotonicTime now);
   void end_retrievals(MonotonicTime now);
   /// The spacecraft reports that it takes these keys.
+  void follow_counters(const TelemetryReport& beacon);
   void follow_keys(suite::AssociationSet set, const std::string& why);
   void move_files(MonotonicTime now);
   [[nodiscard]] bool send_pdu(OctetView pdu);

@@ -10,17 +10,6 @@
 namespace srfs::sim {
 namespace {
 
-// Standard deviations of the sensors, of the class flown on CubeSats.
-constexpr double rate_noise_rad_s = 2e-4;
-constexpr double attitude_noise_rad = 5e-4;
-constexpr double field_noise_t = 1.5e-7;
-constexpr double sun_noise = 3e-3;
-constexpr double wheel_noise_rad_s = 0.2;
-constexpr double voltage_noise_v = 2e-3;
-constexpr double current_noise_a = 1e-3;
-constexpr double charge_noise = 2e-4;
-constexpr double temperature_noise_k = 0.05;
-
 constexpr auto index(ThermalNode node) {
   return static_cast<Eigen::Index>(node);
 }
@@ -47,8 +36,7 @@ SpacecraftWorld::SpacecraftWorld(const WorldSettings& settings, UtcTime start)
       orbit_state_(orbit_.at(start)),
       attitude_(settings.attitude, start_state(settings.attitude)),
       power_(settings.power),
-      thermal_(settings.thermal),
-      random_(settings.seed) {
+      thermal_(settings.thermal) {
   settle();
 }
 
@@ -57,15 +45,15 @@ Eigen::Vector3d SpacecraftWorld::sun_body() const {
   return attitude_.state().attitude.conjugate() * orbit_state_.sun_direction;
 }
 
-bool SpacecraftWorld::heaters_powered() const {
-  return thermal_controller_powered_ && power_.is_on(Load::heaters);
+bool SpacecraftWorld::heaters_on() const {
+  return heaters_powered_ && power_.is_on(Load::heaters);
 }
 
 PowerInput SpacecraftWorld::power_input() const {
   PowerInput input;
   input.sun_body = sun_body();
   input.battery_temperature_k = thermal_.temperature_k(ThermalNode::battery);
-  input.heater_w = heaters_powered() ? thermal_.heater_demand_w() : 0;
+  input.heater_w = heaters_on() ? thermal_.heater_demand_w() : 0;
   // A wheel motor takes the mechanical power it gives (and none back when it brakes), and friction with
   // speed.
   const Eigen::Vector3d speed = attitude_.wheel_speed_rad_s();
@@ -82,7 +70,7 @@ ThermalInput SpacecraftWorld::thermal_input() const {
   input.nadir_body = attitude_.state().attitude.conjugate() * -up;
   input.earth_view_factor = std::pow(earth_radius_m / radius_m, 2);
   input.albedo_cosine = std::max(0.0, up.dot(orbit_state_.sun_direction));
-  input.heaters_powered = heaters_powered();
+  input.heaters_powered = heaters_on();
 
   const double computer_w = settings_.power.base_load_w;
   const double regulator_w = computer_w * (1 / settings_.power.regulator_efficiency - 1);
@@ -108,7 +96,7 @@ void SpacecraftWorld::sub_step(double real_s) {
   AttitudeEnvironment surroundings;
   surroundings.magnetic_field_t = orbit_state_.magnetic_field_t;
   surroundings.position_m = orbit_state_.position_m;
-  surroundings.actuators_powered = adcs_powered_ && power_.is_on(Load::adcs_actuators);
+  surroundings.actuators_powered = actuators_powered_ && power_.is_on(Load::adcs_actuators);
   attitude_.step(real_s * settings_.attitude_acceleration, surroundings);
   power_.step(accelerated_s, power_input());
   thermal_.step(accelerated_s, thermal_input());
@@ -121,63 +109,6 @@ void SpacecraftWorld::step(nanoseconds real_time) {
     sub_step(part_s);
     left_s -= part_s;
   }
-}
-
-double SpacecraftWorld::noise(double sigma) {
-  return sigma * normal_(random_);
-}
-
-void SpacecraftWorld::put_vector(OctetWriter& out, const Eigen::Vector3d& value, double sigma) {
-  for (Eigen::Index i = 0; i < 3; ++i) out.f32(static_cast<float>(value[i] + noise(sigma)));
-}
-
-Octets SpacecraftWorld::measure_adcs() {
-  const AttitudeState& true_state = attitude_.state();
-  const Eigen::Quaterniond error(1, noise(attitude_noise_rad / 2), noise(attitude_noise_rad / 2),
-                                 noise(attitude_noise_rad / 2));
-  const Eigen::Quaterniond estimate = (true_state.attitude * error).normalized();
-  const Eigen::Quaterniond to_body = true_state.attitude.conjugate();
-
-  OctetWriter out;
-  for (const double c : {estimate.x(), estimate.y(), estimate.z(), estimate.w()})
-    out.f32(static_cast<float>(c));
-  put_vector(out, true_state.rate_rad_s, rate_noise_rad_s);
-  put_vector(out, to_body * orbit_state_.magnetic_field_t, field_noise_t);
-  // Without the sun its sensor says "not found", exactly zero.
-  put_vector(out, sun_body(), orbit_state_.eclipsed ? 0 : sun_noise);
-  put_vector(out, attitude_.wheel_speed_rad_s(), wheel_noise_rad_s);
-  out.u8(static_cast<std::uint8_t>(attitude_.mode()));
-  return out.take();
-}
-
-Octets SpacecraftWorld::measure_eps() {
-  const PowerState& s = power_.state();
-  const auto put = [&](OctetWriter& out, double value, double sigma) {
-    out.f32(static_cast<float>(value + noise(sigma)));
-  };
-  OctetWriter out;
-  put(out, s.battery_v, voltage_noise_v);
-  put(out, s.battery_a, current_noise_a);
-  out.f32(static_cast<float>(std::clamp(s.charge + noise(charge_noise), 0.0, 1.0)));
-  put(out, s.solar_a, s.solar_a > 0 ? current_noise_a : 0);
-  put(out, thermal_.temperature_k(ThermalNode::battery), temperature_noise_k);
-  put(out, s.bus_v, voltage_noise_v);
-  out.u8(s.switches);
-  for (const double current_a : s.load_a) put(out, current_a, current_a > 0 ? current_noise_a : 0);
-  return out.take();
-}
-
-Octets SpacecraftWorld::measure_thermal() {
-  OctetWriter out;
-  for (const double t : thermal_.temperatures_k())
-    out.f32(static_cast<float>(t + noise(temperature_noise_k)));
-  std::uint8_t states = 0;
-  for (std::size_t i = 0; i < heater_count; ++i) {
-    if (thermal_.heating(i)) states = static_cast<std::uint8_t>(states | 1U << i);
-  }
-  out.u8(states);
-  for (std::size_t i = 0; i < heater_count; ++i) out.f32(static_cast<float>(thermal_.setpoint_k(i)));
-  return out.take();
 }
 
 std::uint8_t SpacecraftWorld::sensor_inputs() const {
@@ -221,7 +152,7 @@ nlohmann::json SpacecraftWorld::truth() const {
                   {"undervoltage_trips", p.undervoltage_trips}};
   out["thermal"] = {{"temperature_k", list(thermal_.temperatures_k())},
                     {"heating", {thermal_.heating(0), thermal_.heating(1)}},
-                    {"heaters_powered", heaters_powered()},
+                    {"heaters_powered", heaters_on()},
                     {"setpoint_k", {thermal_.setpoint_k(0), thermal_.setpoint_k(1)}}};
   return out;
 }

@@ -3,11 +3,9 @@
 #pragma once
 
 #include <cstdint>
-#include <random>
 
 #include <nlohmann/json_fwd.hpp>
 
-#include "base/octets.hpp"
 #include "base/time.hpp"
 #include "hw_sim/attitude_model.hpp"
 #include "hw_sim/orbit.hpp"
@@ -43,15 +41,13 @@ class SpacecraftWorld {
   ThermalModel& thermal() { return thermal_; }
   [[nodiscard]] const OrbitState& orbit() const { return orbit_state_; }
   [[nodiscard]] UtcTime orbit_time() const { return orbit_time_; }
-  /// Whether the thermal controller has power; without it no heater is on.
-  void set_thermal_controller_powered(bool powered) { thermal_controller_powered_ = powered; }
-  void set_adcs_powered(bool powered) { adcs_powered_ = powered; }
+  /// Whether their controller has power; without it no heater is on.
+  void set_heaters_powered(bool powered) { heaters_powered_ = powered; }
+  /// The same of wheels and magnetorquers.
+  void set_actuators_powered(bool powered) { actuators_powered_ = powered; }
+  /// Direction to the sun in the body frame; zero in eclipse.
+  [[nodiscard]] Eigen::Vector3d sun_body() const;
 
-  /// What the sensors say, with noise drawn now: the measurement blocks of the peripheral protocol
-  /// (docs/reference/icd_can.md).
-  [[nodiscard]] Octets measure_adcs();
-  [[nodiscard]] Octets measure_eps();
-  [[nodiscard]] Octets measure_thermal();
   /// The coarse on-board sensors behind the GPIO inputs: bit 0 sun on +X, bit 1 sun on -X, bit 2 battery
   /// below 273 K, bit 3 bus undervoltage.
   [[nodiscard]] std::uint8_t sensor_inputs() const;
@@ -61,12 +57,9 @@ class SpacecraftWorld {
 
  private:
   void sub_step(double real_s);
-  [[nodiscard]] Eigen::Vector3d sun_body() const;
   [[nodiscard]] PowerInput power_input() const;
   [[nodiscard]] ThermalInput thermal_input() const;
-  [[nodiscard]] bool heaters_powered() const;
-  [[nodiscard]] double noise(double sigma);
-  void put_vector(OctetWriter& out, const Eigen::Vector3d& value, double sigma);
+  [[nodiscard]] bool heaters_on() const;
 
   WorldSettings settings_;
   Orbit orbit_;
@@ -75,10 +68,8 @@ class SpacecraftWorld {
   AttitudeModel attitude_;
   PowerModel power_;
   ThermalModel thermal_;
-  bool thermal_controller_powered_ = true;
-  bool adcs_powered_ = true;
-  std::mt19937_64 random_;
-  std::normal_distribution<double> normal_;
+  bool heaters_powered_ = true;
+  bool actuators_powered_ = true;
 };
 
 }  // namespace srfs::sim

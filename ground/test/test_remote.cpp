@@ -13,7 +13,7 @@ using testing::ElementsAre;
 using testing::HasSubstr;
 
 const mission::Dictionary& dictionary() {
-  static const auto loaded = mission::Dictionary::load(std::string(SRFS_SOURCE_DIR) + "/msgs/mission");
+  static const auto loaded = mission::Dictionary::load(std::string(SRFS_SOURCE_DIR) + "/mission");
   return loaded;
 }
 

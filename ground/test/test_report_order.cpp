@@ -11,7 +11,7 @@ namespace {
 constexpr MonotonicTime start{seconds(100)};
 
 const mission::Dictionary& dictionary() {
-  static const auto loaded = mission::Dictionary::load(std::string(SRFS_SOURCE_DIR) + "/msgs/mission");
+  static const auto loaded = mission::Dictionary::load(std::string(SRFS_SOURCE_DIR) + "/mission");
   return loaded;
 }
 

@@ -10,7 +10,7 @@ namespace srfs::ground {
 namespace {
 
 const mission::Dictionary& dictionary() {
-  static const auto loaded = mission::Dictionary::load(std::string(SRFS_SOURCE_DIR) + "/msgs/mission");
+  static const auto loaded = mission::Dictionary::load(std::string(SRFS_SOURCE_DIR) + "/mission");
   return loaded;
 }
 

@@ -19,7 +19,7 @@ using ::testing::HasSubstr;
 using ::testing::Not;
 
 const mission::Dictionary& dictionary() {
-  static const auto loaded = mission::Dictionary::load(std::string(SRFS_SOURCE_DIR) + "/msgs/mission");
+  static const auto loaded = mission::Dictionary::load(std::string(SRFS_SOURCE_DIR) + "/mission");
   return loaded;
 }
 

@@ -8,14 +8,13 @@
 
 #include "hw/fake/fake_can_bus.hpp"
 #include "hw_sim/can_peripheral.hpp"
-#include "hw_sim/peripheral_applications.hpp"
 
 namespace srfs::sim {
 namespace {
 
 using wire::PeripheralResult;
 
-class FakeApplication : public PeripheralModel {
+class FakeModel : public PeripheralModel {
  public:
   [[nodiscard]] Octets measure() override { return {1, 2, 3}; }
   [[nodiscard]] PeripheralResult execute(std::uint8_t function, OctetView) override {
@@ -52,9 +51,9 @@ class PeripheralTest : public ::testing::Test {
   }
 
   static constexpr wire::PeripheralRequest wake_up{.sequence = 3, .body = wire::WakeUpRequest{}};
-  FakeApplication application;
+  FakeModel model;
   RunningTime now{seconds(100)};
-  Peripheral peripheral{{}, application, now};
+  Peripheral peripheral{{}, model, now};
   void SetUp() override { now += seconds(1); }
 };
 
@@ -75,7 +74,7 @@ TEST_F(PeripheralTest, AnswersOnlyAfterItsDelay) {
 TEST_F(PeripheralTest, SaysAlreadyDoneForARepeatedId) {
   EXPECT_EQ(command(42), PeripheralResult::done);
   EXPECT_EQ(command(42), PeripheralResult::already_done);
-  EXPECT_EQ(application.executed, 1);
+  EXPECT_EQ(model.executed, 1);
 }
 
 TEST_F(PeripheralTest, RemembersTheLastSixteenIds) {
@@ -92,7 +91,7 @@ TEST_F(PeripheralTest, TriesARefusedCommandAgain) {
 TEST_F(PeripheralTest, KeepsTheIdsOverAReset) {
   EXPECT_EQ(command(42), PeripheralResult::done);
   reset();
-  EXPECT_EQ(application.restarts, 1);
+  EXPECT_EQ(model.restarts, 1);
   now += seconds(1);
   EXPECT_EQ(command(42), PeripheralResult::already_done);
 }
@@ -113,7 +112,7 @@ TEST_F(PeripheralTest, ForgetsEverythingWithoutPower) {
   EXPECT_EQ(command(42), PeripheralResult::done);
   peripheral.on_request(wire::encode(wake_up), now);
   peripheral.set_power(false, now);
-  EXPECT_FALSE(application.powered);
+  EXPECT_FALSE(model.powered);
   now += seconds(1);
   EXPECT_FALSE(peripheral.poll(now));
   EXPECT_FALSE(ask_raw(wake_up));
@@ -167,58 +166,6 @@ TEST_F(PeripheralTest, IsCuredByWhatTheFaultNames) {
   peripheral.set_fault(PeripheralFault::babble, {}, FaultCure::power_cycle);
   peripheral.set_power(false, now + seconds(1));
   EXPECT_EQ(peripheral.fault(), PeripheralFault::none);
-}
-
-class ApplicationTest : public ::testing::Test {
- protected:
-  static Octets with_f32(Octets head, std::initializer_list<float> values) {
-    OctetWriter out;
-    out.bytes(head);
-    for (const float v : values) out.f32(v);
-    return out.take();
-  }
-  SpacecraftWorld world{{}, *from_iso8601("2026-11-21T08:00:00Z")};
-  AdcsApplication adcs{world};
-  EpsApplication eps{world};
-  ThermalApplication thermal{world};
-};
-
-TEST_F(ApplicationTest, ALoadSwitchShowsInTheNextMeasurement) {
-  EXPECT_EQ(world.power().state().load_a[2], 0);
-  EXPECT_EQ(eps.execute(1, Octets{2, 1}), PeripheralResult::done);
-  EXPECT_GT(world.power().state().load_a[2], 0.4);
-  EXPECT_EQ(eps.measure()[24], 0b0111);
-}
-
-TEST_F(ApplicationTest, RefusesArgumentsThatAreWrong) {
-  EXPECT_EQ(eps.execute(1, Octets{4, 1}), PeripheralResult::bad_argument);
-  EXPECT_EQ(eps.execute(1, Octets{2}), PeripheralResult::bad_argument);
-  EXPECT_EQ(eps.execute(1, Octets{2, 1, 0}), PeripheralResult::bad_argument);
-  EXPECT_EQ(eps.execute(9, Octets{}), PeripheralResult::unknown_function);
-  EXPECT_EQ(adcs.execute(1, Octets{3}), PeripheralResult::bad_argument);
-  EXPECT_EQ(adcs.execute(2, with_f32({}, {0, 0, 0, 0})), PeripheralResult::bad_argument);
-  EXPECT_EQ(thermal.execute(2, with_f32({0}, {400})), PeripheralResult::bad_argument);
-  EXPECT_EQ(thermal.execute(1, Octets{0, 3}), PeripheralResult::bad_argument);
-}
-
-TEST_F(ApplicationTest, OwnsItsWheelsExceptWhenIdle) {
-  EXPECT_EQ(adcs.execute(3, with_f32({0}, {50})), PeripheralResult::done);
-  EXPECT_EQ(adcs.execute(1, Octets{1}), PeripheralResult::done);
-  EXPECT_EQ(adcs.execute(3, with_f32({0}, {50})), PeripheralResult::cannot_now);
-}
-
-TEST_F(ApplicationTest, PointsWhereItIsTold) {
-  EXPECT_EQ(adcs.execute(2, with_f32({}, {0, 0, 1, 1})), PeripheralResult::done);
-  EXPECT_EQ(adcs.execute(1, Octets{2}), PeripheralResult::done);
-  world.step(seconds(120));
-  EXPECT_LT(world.attitude().pointing_error_rad(), 0.01);
-}
-
-TEST_F(ApplicationTest, TheThermalControllersLossOfPowerStopsTheHeaters) {
-  EXPECT_EQ(thermal.execute(1, Octets{0, 1}), PeripheralResult::done);
-  EXPECT_GT(world.power().state().load_a[1], 0.25);
-  thermal.set_power(false);
-  EXPECT_EQ(world.power().state().load_a[1], 0);
 }
 
 TEST_F(PeripheralTest, AnswersANewRequestAtOnceThoughNobodyTookTheAnswerBefore) {

@@ -315,6 +315,10 @@ Deployment Deployment::load(const std::filesystem::path& file) {
   d.file = d.extended.front();
   d.extended.erase(d.extended.begin());
   d.name = root.text("deployment");
+  const auto beside_file = [&d](const std::string& path) {
+    return (d.file.parent_path() / path).lexically_normal();
+  };
+  if (root.has("dictionary")) d.dictionary = beside_file(root.text("dictionary"));
   const ConfigSection dds = root.section("dds");
   if (dds.text("domain", "auto") != "auto") d.domain = static_cast<int>(dds.integer("domain", 0, 101));
   d.interfaces = dds.texts("interfaces");
@@ -334,6 +338,14 @@ Deployment Deployment::load(const std::filesystem::path& file) {
   }
   for (const ConfigSection& node : root.sections("nodes")) d.nodes.push_back(read_node(node));
   if (d.nodes.empty()) throw root.bad("nodes", "at least one node");
+  if (root.has("programs")) {
+    const auto programs = beside_file(root.text("programs"));
+    for (NodeEntry& node : d.nodes) {
+      std::error_code ec;
+      if (std::filesystem::exists(programs / node.executable, ec))
+        node.executable = (programs / node.executable).string();
+    }
+  }
   (void)root.has("simulation");  // hw_sim's
   if (root.has("ring")) d.ring = read_ring(root.section("ring"));
   read_peripherals(d, root);

@@ -143,7 +143,8 @@ struct Deployment {
   std::filesystem::path file;
   std::vector<std::filesystem::path> extended;  ///< by file, absolute
   std::string name;
-  std::optional<int> domain;  ///< nullopt: auto
+  std::filesystem::path dictionary;  ///< folder of the mission's dictionary, absolute; empty: SRFS' default
+  std::optional<int> domain;         ///< nullopt: auto
   std::vector<std::string> interfaces;
   ros::GraphDialect ros_graph = ros::GraphDialect::humble;
   bool drop_foreign = false;  ///< drop what participants outside the suite publish on flight topics

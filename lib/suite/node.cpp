@@ -42,6 +42,13 @@ ros::NodeOptions options_of(const NodeContext& context, const KeptParameters& ke
 
 }  // namespace
 
+std::optional<WorkStructure> Node::work_structure() const {
+  for (const auto& work : mission::work_threads) {
+    if (work.node == name()) return WorkStructure{work.apid, work.structure_id};
+  }
+  return std::nullopt;
+}
+
 Node::Node(NodeContext& context) : Node(context, read_kept_parameters(context.var.state(context.name))) {}
 
 Node::Node(NodeContext& context, KeptParameters kept)

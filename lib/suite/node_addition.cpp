@@ -204,7 +204,9 @@ Result<void, std::string> add_node(const VarPaths& var, const Deployment& deploy
 }
 
 Result<void, std::string> add_node(const VarPaths& var, const Deployment& deployment, AddedNode node) {
-  return add_node(var, deployment, std::move(node), mission::Dictionary::default_folder());
+  const auto folder =
+      deployment.dictionary.empty() ? mission::Dictionary::default_folder() : deployment.dictionary;
+  return add_node(var, deployment, std::move(node), folder);
 }
 
 Result<void, std::string> remove_node(const VarPaths& var, const std::string& node) {

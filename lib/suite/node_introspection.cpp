@@ -330,8 +330,7 @@ void NodeIntrospection::fill(srfs_msgs::srv::GetExecutorStatistics_Response& r) 
 }
 
 void NodeIntrospection::publish_work() {
-  const auto structure = std::find_if(mission::work_threads.begin(), mission::work_threads.end(),
-                                      [&](const auto& w) { return w.node == node_.name(); });
+  const std::optional<WorkStructure> structure = node_.work_structure();
   ros::Executor& executor = node_.executor();
   ros::CallbackStatistics& statistics = executor.statistics();
   const ros::CallbackStatistics::Longest longest = statistics.take_longest();
@@ -340,7 +339,7 @@ void NodeIntrospection::publish_work() {
   const nanoseconds period = std::max<nanoseconds>(now - last_work_, nanoseconds(1));
   busy_at_last_work_ = statistics.busy();
   last_work_ = now;
-  if (structure == mission::work_threads.end()) return;
+  if (!structure) return;
 
   const log::Losses losses = log::losses();
   mission::WorkThread work;

@@ -277,12 +277,18 @@ void shut_down(ros::Executor& executor, Node& node) {
   node.go_to(ros::State::finalized);
 }
 
+/// mission::Dictionary::default_folder() is the deployment's from now on.
+void use_dictionary_of(const Deployment& deployment) {
+  if (!deployment.dictionary.empty()) setenv("SRFS_MISSION_DIR", deployment.dictionary.c_str(), 1);
+}
+
 /// @param page this process' heartbeat page, once there is one
 int run(const Arguments& arguments, const NodeFactory& factory, std::optional<HeartbeatPage>& page) {
   const Fd signals = termination_signals();
   ignore_broken_pipes();
   const VarPaths var = VarPaths::at(arguments.var);
   LiveDeployment live(Deployment::load(arguments.deployment), var);
+  use_dictionary_of(live.first());
   for (const std::string& problem : live.current().added_problems) log::error("{}", problem);
   const Deployment& deployment = live.first();
   const NodeEntry* entry = deployment.find(arguments.name);
@@ -388,6 +394,7 @@ int run_self_test(const Arguments& arguments, const NodeFactory& factory) {
   ignore_broken_pipes();
   // A node that is to be added stands in the list of the VAR that it tests itself in.
   Deployment deployment = deployment_of_test(arguments);
+  use_dictionary_of(deployment);
   take_devices_away(deployment);
   deployment.ring.enabled = false;
   if (deployment.find(arguments.name) == nullptr)

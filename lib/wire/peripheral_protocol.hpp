@@ -25,33 +25,6 @@ enum class PeripheralResult : std::uint8_t {
   cannot_now = 4,
 };
 
-/// Function codes of PeripheralCommand, per peripheral. Arguments behind each; f32 is IEEE 754, SI units.
-enum class AdcsFunction : std::uint8_t {
-  set_mode = 1,               ///< u8 mode: 0 idle, 1 detumble, 2 point
-  set_target_quaternion = 2,  ///< 4 f32, scalar last
-  set_wheel_speed = 3,        ///< u8 wheel 0-2, f32 rad/s
-};
-enum class EpsFunction : std::uint8_t {
-  switch_load = 1,       ///< u8 load 0-3, u8 on 0-1
-  set_charge_limit = 2,  ///< f32 state of charge 0-1
-};
-enum class ThermalFunction : std::uint8_t {
-  set_heater = 1,    ///< u8 heater 0-1, u8 mode: 0 off, 1 on, 2 auto
-  set_setpoint = 2,  ///< u8 heater 0-1, f32 K 250-320
-};
-
-enum class ImpactFunction : std::uint8_t {
-  set_threshold = 1,  ///< f32 V 0.01-5
-  clear = 2,          ///< counts, histogram and the last impact; no arguments
-};
-
-/// Lengths of the measurement blocks, octets; their layout is the raw measurement structure of the mission
-/// dictionary.
-inline constexpr std::size_t adcs_measurement_size = 65;
-inline constexpr std::size_t eps_measurement_size = 41;
-inline constexpr std::size_t thermal_measurement_size = 33;
-inline constexpr std::size_t impact_measurement_size = 56;
-
 /// Room for variable parts within one ISO-TP message of 4095 octets.
 inline constexpr std::size_t peripheral_arguments_max = 4095 - 2 - 5 - 2;
 inline constexpr std::size_t peripheral_measurement_max = 4095 - 2 - 5 - 2;

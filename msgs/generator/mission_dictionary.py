@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 SRFS contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Reads and checks the mission dictionary (msgs/mission/*.yaml) for the build-time generators.
+"""Reads and checks the mission dictionary (msgs/mission, mission) for the build-time generators.
 
 The run-time loader (msgs/mission/dictionary.cpp) checks the same files for themselves and names lines; here only what the
 generated code relies on is checked.
@@ -25,6 +25,24 @@ class DictionaryError(Exception):
     """The dictionary cannot be used; the text names file and entry."""
 
 
+def core_folder():
+    """SRFS' own part of the dictionary: beside the generator, installed or in the source tree."""
+    beside = pathlib.Path(__file__).resolve().parent.parent
+    return beside / "core" if (beside / "core").exists() else beside / "mission"
+
+
+def files_of(folder):
+    """As Dictionary::files (msgs/mission/dictionary.hpp)."""
+    own = folder / "mission.yaml"
+    included = yaml.safe_load(own.read_text(encoding="utf-8")).get("include") if own.exists() else None
+    if included is not None:
+        return [own, *sorted(core_folder().glob("*.yaml")), *(folder / name for name in included)]
+    files = sorted(folder.glob("*.yaml"), key=lambda f: (f.name != "mission.yaml", f.name))
+    if not files:
+        raise DictionaryError(f"{folder}: no dictionary here")
+    return files
+
+
 class Dictionary:
     """All files of one folder and fragments of added nodes, merged. Lists keep file order; files are read in the order of their names, mission.yaml first."""
 
@@ -33,15 +51,17 @@ class Dictionary:
         self.apids, self.services, self.stores, self.failure_codes = [], [], [], []
         self.enums = {}
         self.structures, self.commands, self.events, self.parameters = [], [], [], []
-        folder = pathlib.Path(folder)
-        files = sorted(folder.glob("*.yaml"), key=lambda f: (f.name != "mission.yaml", f.name))
-        if not files:
-            raise DictionaryError(f"{folder}: no dictionary here")
-        for file in files:
+        self.payloads, self.parameter_ids, self.beacon = [], {}, {}
+        for file in files_of(pathlib.Path(folder)):
             self._merge(file)
         for fragment in fragments:
             self._merge(pathlib.Path(fragment), fragment=True)
         self.apid_of = {a["node"]: a["apid"] for a in self.apids}
+        own = sorted((a for a in self.apids if not a["fragment"]), key=lambda a: a["apid"])
+        self.lists = {"payloads": self.payloads, "nodes": [a["node"] for a in own]}
+        for structure in self.structures:
+            for field in structure["fields"]:
+                self._lay_out(field, structure)
         self.structure_of = {s["name"]: s for s in self.structures}
         self.parameters = [single for entry in self.parameters for single in self._of_each_node(entry)]
         self._check()
@@ -52,6 +72,9 @@ class Dictionary:
         if fragment and not content.keys() <= FRAGMENT_KEYS:
             raise DictionaryError(f"{file.name}: a fragment has only {', '.join(sorted(FRAGMENT_KEYS))}")
         self.spacecraft.update(content.get("spacecraft", {}))
+        self.payloads += content.get("payloads", [])
+        self.parameter_ids.update(content.get("parameter_ids", {}))
+        self.beacon.update(content.get("beacon", {}))
         for name, enum in content.get("enums", {}).items():
             if name in self.enums:
                 raise DictionaryError(f"{file.name}: enum {name} stands twice")
@@ -63,11 +86,20 @@ class Dictionary:
                 entry["fragment"] = fragment
                 getattr(self, key).append(entry)
 
-    @staticmethod
-    def _of_each_node(entry):
+    def _lay_out(self, field, structure):
+        """A field per payload or per node (`count: payloads`) has as many elements as the mission has."""
+        if field.get("count") in self.lists:
+            field["labels"] = self.lists[field["count"]]
+            field["per"], field["count"] = field["count"], len(field["labels"])
+            if not field["labels"]:
+                raise DictionaryError(f"{structure['file']}: {structure['name']}.{field['name']}: the mission's file has no payloads")
+
+    def _of_each_node(self, entry):
         """One entry for each node that has the parameter, with ids that count up; "name" is that at the node."""
-        for i, node in enumerate(entry.get("nodes") or [entry["node"]]):
-            yield {**entry, "node": node, "id": entry["id"] + i, "full_name": f"{node}.{entry['name']}"}
+        nodes = entry.get("nodes") or [entry["node"]]
+        first = self.parameter_ids.get(entry["name"], entry["id"])
+        for i, node in enumerate(self.lists["nodes" if nodes == "all" else nodes] if isinstance(nodes, str) else nodes):
+            yield {**entry, "node": node, "id": first + i, "full_name": f"{node}.{entry['name']}"}
 
     def _wire_commands(self):
         """Commands whose arguments have one form each: not those with a whole packet, and instead of one whose value has the type of a parameter, one for

@@ -47,6 +47,8 @@ class Emitter:
             return f"{structure_type(self.dictionary.structure_of[field['structure']])} {field['as']}{{}};"
         kind = self.element_type(field)
         if "count" in field:
+            if "per" in field:
+                return f"List<{kind}, most_{field['per']}> {field['name']}{{{field['count']}}};  ///< {field.get('description', '')}"
             kind = f"std::array<{kind}, {field['count']}>"
         unit = f" [{field['unit']}]" if "unit" in field else ""
         return f"{kind} {field['name']}{{}};  ///< {field.get('description', '')}{unit}"

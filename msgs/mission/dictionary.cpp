@@ -477,6 +477,29 @@ bool Command::allowed_in(std::uint8_t mode) const {
 const ApplicationProcess* Dictionary::apid(std::uint16_t number) const {
   return find(apids_, [&](const auto& a) { return a.apid == number; });
 }
+std::vector<std::string> Dictionary::nodes() const {
+  std::vector<const ApplicationProcess*> processes;
+  for (const ApplicationProcess& process : apids_) {
+    if (!process.added) processes.push_back(&process);
+  }
+  std::sort(processes.begin(), processes.end(),
+            [](const auto* a, const auto* b) { return a->apid < b->apid; });
+  std::vector<std::string> names;
+  for (const ApplicationProcess* process : processes) names.push_back(process->node);
+  return names;
+}
+
+std::optional<std::size_t> Dictionary::offset_of(const Structure& structure, std::string_view field) {
+  std::size_t offset = 0;
+  for (const Field& each : structure.fields) {
+    if (each.name == field) return offset;
+    const bool varies = octets_of(each.type) == 0;
+    if (varies) return std::nullopt;
+    offset += each.max_size();
+  }
+  return std::nullopt;
+}
+
 const ApplicationProcess* Dictionary::apid_of_node(std::string_view node) const {
   return find(apids_, [&](const auto& a) { return a.node == node; });
 }

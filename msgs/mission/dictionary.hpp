@@ -220,6 +220,19 @@ struct Fragment {
   [[nodiscard]] std::optional<std::string> node() const;
 };
 
+/// An f32, or several, at a fixed place of a housekeeping structure.
+struct TelemetryPlace {
+  std::string node;
+  std::uint16_t structure_id = 0;
+  std::size_t offset = 0;  ///< octets before it
+};
+/// Where a value of the beacon comes from.
+struct BeaconSource {
+  std::string value;  ///< field of the beacon
+  TelemetryPlace from;
+  float scale = 1;
+};
+
 struct RefusedFragment {
   std::string name;
   std::string why;
@@ -227,15 +240,22 @@ struct RefusedFragment {
 
 class Dictionary {
  public:
-  /// Reads every *.yaml of the folder, mission.yaml first, then the fragments. Throws ConfigError (file,
-  /// line, key, expected), also for a fragment that does not fit. Blocks on the disk.
+  /// Reads files(folder), then the fragments. Throws ConfigError (file, line, key, expected), also for a
+  /// fragment that does not fit. Blocks on the disk.
   static Dictionary load(const std::filesystem::path& folder, const std::vector<Fragment>& fragments = {});
   /// The same, without fragments that do not fit: the dictionary of the mission is read whatever they are.
   static Dictionary load_fitting(const std::filesystem::path& folder, const std::vector<Fragment>& fragments,
                                  std::vector<RefusedFragment>& refused);
-  /// Where the dictionary stands: $SRFS_MISSION_DIR, else ../share/srfs/mission beside the running program
-  /// when it exists, else the folder in the source tree this was built from.
+  /// The files of a dictionary. Of a mission, whose mission.yaml has `include`: SRFS' own part
+  /// (core_folder()), mission.yaml, what it includes. Else every *.yaml of the folder, mission.yaml first.
+  static std::vector<std::filesystem::path> files(const std::filesystem::path& folder);
+  /// Where the mission's dictionary stands: $SRFS_MISSION_DIR, else share/srfs/mission of the installation of
+  /// this library when it exists, else the folder in the source tree this was built from.
   static std::filesystem::path default_folder();
+  /// The same of SRFS' own part: share/srfs/core.
+  static std::filesystem::path core_folder();
+  /// payloads() of the dictionary of this folder, from its mission.yaml alone. Throws ConfigError.
+  static std::vector<std::string> payloads_of(const std::filesystem::path& folder);
 
   Dictionary(Dictionary&&) = default;
   Dictionary& operator=(Dictionary&&) = default;
@@ -250,6 +270,16 @@ class Dictionary {
   [[nodiscard]] const std::vector<PacketStore>& stores() const { return stores_; }
   [[nodiscard]] const std::vector<FailureCode>& failure_codes() const { return failure_codes_; }
   [[nodiscard]] const std::vector<Parameter>& parameters() const { return parameters_; }
+  /// In slot order: the elements of fields per payload (`count: payloads`).
+  [[nodiscard]] const std::vector<std::string>& payloads() const { return payloads_; }
+  /// In APID order, without added ones: the elements of fields per node (`count: nodes`).
+  [[nodiscard]] std::vector<std::string> nodes() const;
+  [[nodiscard]] const std::vector<BeaconSource>& beacon_sources() const { return beacon_sources_; }
+  /// The attitude, body to inertial, a quaternion with the scalar last; nothing: this mission measures none.
+  [[nodiscard]] const std::optional<TelemetryPlace>& attitude() const { return attitude_; }
+  /// Octets before a field, when nothing before it varies in length; of an array, of its first element.
+  [[nodiscard]] static std::optional<std::size_t> offset_of(const Structure& structure,
+                                                            std::string_view field);
 
   // Lookups: nullptr when there is none. Pointers live as long as the dictionary.
   [[nodiscard]] const ApplicationProcess* apid(std::uint16_t apid) const;
@@ -314,6 +344,9 @@ class Dictionary {
   std::vector<PacketStore> stores_;
   std::vector<FailureCode> failure_codes_;
   std::vector<Parameter> parameters_;
+  std::vector<std::string> payloads_;
+  std::vector<BeaconSource> beacon_sources_;
+  std::optional<TelemetryPlace> attitude_;
 };
 
 }  // namespace srfs::mission

@@ -7,6 +7,7 @@
 #include <tuple>
 #include <utility>
 
+#include <dlfcn.h>
 #include <fmt/format.h>
 #include <unistd.h>
 
@@ -153,7 +154,7 @@ RepeatClass parse_repeat(const ConfigSection& section) {
 class DictionaryLoader {
  public:
   Dictionary load(const std::filesystem::path& folder, const std::vector<Fragment>& fragments) {
-    for (const auto& file : files_of(folder)) files_.push_back(ConfigSection::load(file));
+    for (const auto& file : Dictionary::files(folder)) files_.push_back(ConfigSection::load(file));
     const std::size_t own = files_.size();
     for (const Fragment& fragment : fragments) {
       if (fragment.text.size() > Fragment::octets_max)
@@ -165,37 +166,23 @@ class DictionaryLoader {
       read_shared(files_[i]);
       if (i >= own) d_.apids_.back().added = true;
     }
+    for (std::size_t i = 0; i < own; ++i) read_mission(files_[i]);
     for (const auto& file : files_) index_structures(file);
     for (std::size_t i = 0; i < files_.size(); ++i) {
       if (i < own) {
         read_entries(files_[i]);
       } else {
         read_fragment(files_[i]);
+        files_[i].finish();
       }
     }
+    for (std::size_t i = 0; i < own; ++i) read_sources(files_[i]);
+    for (std::size_t i = 0; i < own; ++i) files_[i].finish();
     check_unique();
     return std::move(d_);
   }
 
  private:
-  static std::vector<std::filesystem::path> files_of(const std::filesystem::path& folder) {
-    std::vector<std::filesystem::path> files;
-    std::error_code error;
-    for (const auto& entry : std::filesystem::directory_iterator(folder, error)) {
-      if (entry.path().extension() == ".yaml") files.push_back(entry.path());
-    }
-    if (error)
-      throw ConfigError(
-          fmt::format("{}: cannot read the mission dictionary: {}", folder.string(), error.message()));
-    if (files.empty())
-      throw ConfigError(fmt::format("{}: no mission dictionary here (no *.yaml)", folder.string()));
-    std::sort(files.begin(), files.end(), [](const auto& a, const auto& b) {
-      return std::pair(a.filename() != "mission.yaml", a.filename()) <
-             std::pair(b.filename() != "mission.yaml", b.filename());
-    });
-    return files;
-  }
-
   void read_shared(const ConfigSection& file) {
     static_cast<void>(file.text("subsystem", ""));
     if (file.has("spacecraft")) {
@@ -224,6 +211,49 @@ class DictionaryLoader {
     }
     const ConfigSection enums = file.section("enums");
     for (const auto& name : enums.keys()) read_enum(enums, name);
+  }
+
+  /// What the mission's own file says beside entries.
+  void read_mission(const ConfigSection& file) {
+    (void)file.texts("include");  // files() has read it
+    for (const std::string& payload : file.texts("payloads")) {
+      if (d_.apid_of_node(payload) == nullptr) throw file.bad("payloads", "nodes of the list apids");
+      d_.payloads_.push_back(payload);
+    }
+    if (d_.payloads_.size() > most_payloads)
+      throw file.bad("payloads", fmt::format("{} names at most", most_payloads));
+    const ConfigSection ids = file.section("parameter_ids");
+    for (const std::string& name : ids.keys()) parameter_ids_[name] = ids.integer(name, 1, 65535);
+  }
+
+  /// { structure: NAME, field: NAME }, beside what the caller reads
+  [[nodiscard]] TelemetryPlace read_place(const ConfigSection& section, std::size_t elements) const {
+    const Structure* const from = d_.structure(section.text("structure"));
+    if (from == nullptr || from->id == 0) throw section.bad("structure", "a housekeeping structure");
+    const std::string name = section.text("field");
+    const auto offset = Dictionary::offset_of(*from, name);
+    const auto field = std::find_if(from->fields.begin(), from->fields.end(),
+                                    [&](const Field& f) { return f.name == name; });
+    if (!offset || field->type != FieldType::f32 || field->count != elements)
+      throw section.bad("field", fmt::format("{} x f32 of that structure, no text before it", elements));
+    return {from->node, from->id, *offset};
+  }
+
+  /// beacon: { VALUE: { structure: NAME, field: NAME, scale: 1 } }, attitude: { structure: NAME, field: NAME
+  /// }
+  void read_sources(const ConfigSection& file) {
+    const ConfigSection beacon = file.section("beacon");
+    for (const std::string& value : beacon.keys()) {
+      const ConfigSection section = beacon.section(value);
+      TelemetryPlace place = read_place(section, 1);
+      const auto scale = static_cast<float>(section.number("scale", -1e6, 1e6, 1));
+      section.finish();
+      d_.beacon_sources_.push_back({value, std::move(place), scale});
+    }
+    if (!file.has("attitude")) return;
+    const ConfigSection attitude = file.section("attitude");
+    d_.attitude_ = read_place(attitude, 4);
+    attitude.finish();
   }
 
   void read_store(const ConfigSection& section) {
@@ -309,7 +339,6 @@ class DictionaryLoader {
     for (const auto& section : file.sections("commands")) read_command(section);
     for (const auto& section : file.sections("events")) read_event(section);
     for (const auto& section : file.sections("parameters")) read_parameter(section);
-    file.finish();
   }
 
   void read_structure(const ConfigSection& section) {
@@ -358,12 +387,12 @@ class DictionaryLoader {
   /// One entry for each node that has it, with ids that count up from the entry's.
   void read_parameter(const ConfigSection& section) {
     Parameter p;
-    std::vector<std::string> nodes = section.texts("nodes");
-    if (nodes.empty()) nodes.push_back(section.text("node"));
+    const std::vector<std::string> nodes = nodes_of(section);
     p.node_parameter = section.text("name");
     p.list = section.boolean("list", false);
     p.guarded = section.boolean("guarded", false);
-    const auto id = section.integer("id", 1, 65535 - static_cast<std::int64_t>(nodes.size()));
+    auto id = section.integer("id", 1, 65535 - static_cast<std::int64_t>(nodes.size()));
+    if (const auto own = parameter_ids_.find(p.node_parameter); own != parameter_ids_.end()) id = own->second;
     p.field = read_field(section);
     const bool sendable = p.field.count == 1 && p.field.type != FieldType::parameter_value &&
                           p.field.type != FieldType::time && p.field.type != FieldType::packet &&
@@ -376,6 +405,14 @@ class DictionaryLoader {
       p.name = p.node + "." + p.node_parameter;
       d_.parameters_.push_back(p);
     }
+  }
+
+  /// `nodes` is a list, `all` or `payloads`; or there is one `node`.
+  [[nodiscard]] std::vector<std::string> nodes_of(const ConfigSection& section) const {
+    const YAML::Node raw = section.raw("nodes");
+    if (!raw.IsDefined()) return {section.text("node")};
+    if (!raw.IsScalar()) return section.texts("nodes");
+    return section.choice("nodes", {"all", "payloads"}, "all") == "all" ? d_.nodes() : d_.payloads_;
   }
 
   void read_command(const ConfigSection& section) {
@@ -494,8 +531,16 @@ class DictionaryLoader {
     f.type = parse_type(section);
     f.unit = section.text("unit", "");
     f.description = section.text("description", "");
-    f.count = static_cast<std::size_t>(section.integer("count", 1, 256, 1));
-    f.labels = section.texts("labels");
+    const YAML::Node count = section.raw("count");
+    const std::string per = count.IsDefined() && count.IsScalar() ? count.as<std::string>() : "";
+    if (per == "payloads" || per == "nodes") {
+      f.labels = per == "nodes" ? d_.nodes() : d_.payloads_;
+      f.count = f.labels.size();
+      if (f.count == 0) throw section.bad("count", "payloads in the mission's file");
+    } else {
+      f.count = static_cast<std::size_t>(section.integer("count", 1, 256, 1));
+      f.labels = section.texts("labels");
+    }
     if (!f.labels.empty() && f.labels.size() != f.count)
       throw section.bad("labels", fmt::format("{} names, as count says", f.count));
     if (f.type == FieldType::packet) f.max_text = static_cast<std::size_t>(section.integer("max", 7, 1000));
@@ -571,6 +616,7 @@ class DictionaryLoader {
   Dictionary d_;
   std::vector<ConfigSection> files_;
   std::map<std::string, ConfigSection> by_name_;
+  std::map<std::string, std::int64_t> parameter_ids_;  ///< first ids that the mission chose
 };
 
 std::optional<std::string> Fragment::node() const {
@@ -609,14 +655,72 @@ Dictionary Dictionary::load_fitting(const std::filesystem::path& folder,
   return dictionary;
 }
 
+namespace {
+
+/// The folder of the installation that the running program or this library belongs to; nothing: the source
+/// tree's.
+std::filesystem::path installed_or(const char* installed, const char* in_source) {
+  std::error_code error;
+  std::vector<std::filesystem::path> files{std::filesystem::read_symlink("/proc/self/exe", error)};
+  Dl_info self{};
+  if (dladdr(reinterpret_cast<const void*>(&installed_or), &self) != 0 && self.dli_fname != nullptr)
+    files.push_back(std::filesystem::absolute(self.dli_fname, error));
+  for (const auto& file : files) {
+    const auto prefix = file.parent_path().parent_path();
+    for (const auto& each : {prefix, prefix.parent_path()}) {  // lib may have a folder for the architecture
+      auto folder = each / "share" / "srfs" / installed;
+      if (std::filesystem::exists(folder, error)) return folder;
+    }
+  }
+  return std::filesystem::path(SRFS_SOURCE_TREE) / in_source;
+}
+
+bool includes_others(const std::filesystem::path& mission_file) {
+  std::error_code error;
+  return std::filesystem::exists(mission_file, error) && ConfigSection::load(mission_file).has("include");
+}
+
+std::vector<std::filesystem::path> yaml_files_of(const std::filesystem::path& folder) {
+  std::vector<std::filesystem::path> files;
+  std::error_code error;
+  for (const auto& entry : std::filesystem::directory_iterator(folder, error)) {
+    if (entry.path().extension() == ".yaml") files.push_back(entry.path());
+  }
+  if (error)
+    throw ConfigError(
+        fmt::format("{}: cannot read the mission dictionary: {}", folder.string(), error.message()));
+  if (files.empty())
+    throw ConfigError(fmt::format("{}: no mission dictionary here (no *.yaml)", folder.string()));
+  std::sort(files.begin(), files.end(), [](const auto& a, const auto& b) {
+    return std::pair(a.filename() != "mission.yaml", a.filename()) <
+           std::pair(b.filename() != "mission.yaml", b.filename());
+  });
+  return files;
+}
+
+}  // namespace
+
+std::vector<std::filesystem::path> Dictionary::files(const std::filesystem::path& folder) {
+  const auto own = folder / "mission.yaml";
+  if (!includes_others(own)) return yaml_files_of(folder);
+  std::vector<std::filesystem::path> files{own};
+  for (auto& file : yaml_files_of(core_folder())) files.push_back(std::move(file));
+  for (const std::string& file : ConfigSection::load(own).texts("include")) files.push_back(folder / file);
+  return files;
+}
+
+std::vector<std::string> Dictionary::payloads_of(const std::filesystem::path& folder) {
+  return ConfigSection::load(folder / "mission.yaml").texts("payloads");
+}
+
 std::filesystem::path Dictionary::default_folder() {
   if (const char* folder = std::getenv("SRFS_MISSION_DIR"); folder != nullptr && *folder != '\0')
     return folder;
-  std::error_code error;
-  const auto program = std::filesystem::read_symlink("/proc/self/exe", error);
-  auto installed = program.parent_path().parent_path() / "share/srfs/mission";
-  if (!error && std::filesystem::exists(installed, error)) return installed;
-  return SRFS_MISSION_SOURCE_DIR;
+  return installed_or("mission", "mission");
+}
+
+std::filesystem::path Dictionary::core_folder() {
+  return installed_or("core", "msgs/mission");
 }
 
 }  // namespace srfs::mission

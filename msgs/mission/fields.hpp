@@ -3,7 +3,9 @@
 #pragma once
 
 #include <algorithm>
+#include <array>
 #include <cmath>
+#include <cstddef>
 #include <cstdint>
 #include <limits>
 #include <optional>
@@ -31,6 +33,34 @@ enum class EventSeverity : std::uint8_t { info = 1, low = 2, medium = 3, high = 
 struct ArgumentError {
   std::uint8_t parameter = 0;  ///< number of the offending argument, from 1; 0: the length is wrong
   friend bool operator==(const ArgumentError&, const ArgumentError&) = default;
+};
+
+/// Bounds of what a mission has.
+inline constexpr std::size_t most_payloads = 16;  ///< bound of srfs_msgs/TaskFlags.flags
+inline constexpr std::size_t most_nodes = 32;
+
+/// The elements of a field per payload or per node. Their number is the mission's: who fills the field sets
+/// it.
+template <class T, std::size_t most>
+class List {
+ public:
+  explicit List(std::size_t size) { resize(size); }
+  /// At most @p most.
+  void resize(std::size_t size) { size_ = std::min(size, most); }
+  [[nodiscard]] std::size_t size() const { return size_; }
+  [[nodiscard]] T& operator[](std::size_t i) { return elements_.at(i); }
+  [[nodiscard]] const T& operator[](std::size_t i) const { return elements_.at(i); }
+  [[nodiscard]] auto begin() { return elements_.begin(); }
+  [[nodiscard]] auto end() { return elements_.begin() + static_cast<std::ptrdiff_t>(size_); }
+  [[nodiscard]] auto begin() const { return elements_.begin(); }
+  [[nodiscard]] auto end() const { return elements_.begin() + static_cast<std::ptrdiff_t>(size_); }
+  friend bool operator==(const List& a, const List& b) {
+    return std::equal(a.begin(), a.end(), b.begin(), b.end());
+  }
+
+ private:
+  std::array<T, most> elements_{};
+  std::size_t size_ = 0;
 };
 
 /// How one field stands on the link: big-endian; bool as u8 0/1; text as u8 length and octets; time as the

@@ -12,6 +12,7 @@
 
 #include "base/saturate.hpp"
 #include "hw/open.hpp"
+#include "msgs/mission/dictionary.hpp"
 #include "nodes/can_switcher/holder_kill.hpp"
 #include "nodes/can_switcher/power_lines.hpp"
 #include "suite/ring/heartbeat_page.hpp"
@@ -112,6 +113,7 @@ CallbackReturn CanSwitcherNode::on_configure() {
                                    deployment().file.string(), suite::slots_at_most, count));
     return CallbackReturn::failure;
   }
+  read_payloads();
   make_rotation();
   apply_parameters();
   if (!fence_) fence_.emplace(milliseconds(get_parameter<std::int64_t>("fence_wait_ms")));
@@ -645,6 +647,23 @@ void CanSwitcherNode::carry_out(const ReportCutFailed& action) {
 
 // ---------------------------------------------------------------- housekeeping
 
+/// Where the payloads of the dictionary stand, in its order; when it cannot be read, those of the slots.
+void CanSwitcherNode::read_payloads() {
+  try {
+    payloads_ = mission::Dictionary::payloads_of(mission::Dictionary::default_folder());
+  } catch (const ConfigError& e) {
+    log::error("{}; counters per payload are in slot order", e.what());
+    payloads_ = suite::turns_of(deployment().slots);
+  }
+  if (payloads_.size() > mission::most_payloads) payloads_.resize(mission::most_payloads);
+}
+
+std::optional<std::size_t> CanSwitcherNode::place_in_telemetry(std::size_t slot) const {
+  const auto found = std::find(payloads_.begin(), payloads_.end(), rotation_->slots()[slot].payload);
+  if (found == payloads_.end()) return std::nullopt;
+  return static_cast<std::size_t>(found - payloads_.begin());
+}
+
 void CanSwitcherNode::publish_housekeeping() {
   if (plan_waits_) take_plan();
   if (listener_) publish_bus_statistics();
@@ -652,14 +671,16 @@ void CanSwitcherNode::publish_housekeeping() {
   const TickHoldover::Counters& ticks = holdover_.counters();
   mission::CanSwitcherHousekeeping hk;
   hk.cycle = time_.cycle();
+  for (auto* list : {&hk.grants, &hk.releases, &hk.failures, &hk.not_taken, &hk.unused})
+    list->resize(payloads_.size());
   for (std::size_t i = 0; i < rotation_->slots().size(); ++i) {
     const TaskFlagRotation::SlotCounters& slot = rotation_->slot_counters(i);
-    if (i < hk.grants.size()) {
-      hk.grants[i] = slot.granted;
-      hk.releases[i] = slot.released;
-      hk.failures[i] = slot.failed;
-      hk.not_taken[i] = slot.not_taken;
-      hk.unused[i] = slot.unused;
+    if (const auto at = place_in_telemetry(i)) {
+      hk.grants[*at] = slot.granted;
+      hk.releases[*at] = slot.released;
+      hk.failures[*at] = slot.failed;
+      hk.not_taken[*at] = slot.not_taken;
+      hk.unused[*at] = slot.unused;
     }
     hk.overruns += slot.overruns;
     hk.fences += slot.fences;
@@ -718,16 +739,19 @@ void CanSwitcherNode::publish_bus_statistics() {
   hk.arbitration_lost = as_u32(can.arbitration_lost);
   hk.bus_off = as_u32(can.bus_off);
   hk.controller_restarts = as_u32(can.restarts);
+  hk.slot_use.resize(payloads_.size());
+  for (auto* list : {&hk.longest_used_us, &hk.late_releases, &hk.overruns, &hk.fences})
+    list->resize(payloads_.size());
   for (std::size_t i = 0; i < slot_use_.size(); ++i) {
     SlotUse& use = slot_use_[i];
-    if (i < hk.slot_use.size()) {
+    if (const auto at = place_in_telemetry(i)) {
       const double allotted = std::chrono::duration<double>(use.allotted).count();
       const double used = std::chrono::duration<double>(use.used).count();
-      hk.slot_use[i] = allotted > 0 ? percent(used / allotted) : 0;
-      hk.longest_used_us[i] = as_us(use.longest);
-      hk.late_releases[i] = use.late;
-      hk.overruns[i] = rotation_->slot_counters(i).overruns;
-      hk.fences[i] = rotation_->slot_counters(i).fences;
+      hk.slot_use[*at] = allotted > 0 ? percent(used / allotted) : 0;
+      hk.longest_used_us[*at] = as_us(use.longest);
+      hk.late_releases[*at] = use.late;
+      hk.overruns[*at] = rotation_->slot_counters(i).overruns;
+      hk.fences[*at] = rotation_->slot_counters(i).fences;
     }
     use.used = use.allotted = nanoseconds(0);
   }

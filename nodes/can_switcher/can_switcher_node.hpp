@@ -91,6 +91,9 @@ class CanSwitcherNode : public suite::Node {
   void carry_out(const ReportCutFailed& action);
   void report_failed_slot(const srfs_msgs::msg::BusStatus& status);
   void note_slot_use(const srfs_msgs::msg::BusStatus& status);
+  void read_payloads();
+  /// Nothing: an added payload, or a free position.
+  [[nodiscard]] std::optional<std::size_t> place_in_telemetry(std::size_t slot) const;
   void publish_housekeeping();
   void publish_bus_statistics();
   void report_flood(BusMeter::Flood flood);
@@ -116,6 +119,7 @@ class CanSwitcherNode : public suite::Node {
     std::uint32_t late = 0;  ///< released after the allotted time
   };
   std::vector<SlotUse> slot_use_;
+  std::vector<std::string> payloads_;  ///< in the order of telemetry fields per payload
   /// The work thread of the process that holds the bus, as of its grant.
   struct HolderWatch {
     std::uint32_t process = 0;  ///< its incarnation; 0: not known

@@ -14,6 +14,7 @@
 
 #include "base/saturate.hpp"
 #include "image/fits_writer.hpp"
+#include "msgs/mission/dictionary.hpp"
 
 namespace srfs {
 namespace {
@@ -83,8 +84,7 @@ CallbackReturn ImageAcquisitionNode::on_configure() {
     time_.on_tick(tick);
     if (scheduler_.has_waiting()) drive();
   });
-  adcs_ = create_subscription(suite::topics::telemetry("payload_adcs"),
-                              [this](const srfs_msgs::msg::PayloadTelemetry& m) { on_adcs_telemetry(m); });
+  find_attitude();
   ros::ActionHandlers<Capture> handlers;
   handlers.goal = [](const ros::GoalId&, const Capture::Goal&) {
     return ros::GoalResponse::accept_and_defer;
@@ -136,7 +136,7 @@ void ImageAcquisitionNode::release() {
   soon_.reset();
   housekeeping_.reset();
   server_.reset();
-  adcs_.reset();
+  attitude_telemetry_.reset();
   ticks_.reset();
   camera_worker_.reset();
   if (store_worker_) store_worker_->drain();
@@ -413,11 +413,35 @@ void ImageAcquisitionNode::publish_frame(const std::string& file, const Captured
 
 // ---------------------------------------------------------------- telemetry
 
-void ImageAcquisitionNode::on_adcs_telemetry(const srfs_msgs::msg::PayloadTelemetry& m) {
-  if (m.structure_id != mission::PayloadAdcsHousekeeping::structure_id) return;
-  const auto decoded = mission::PayloadAdcsHousekeeping::decode(OctetView(m.data));
-  if (!decoded) return;
-  attitude_ = FrameFacts::Attitude{decoded->measurement.attitude, 0};
+/// The dictionary says who measures it; it is read aside, frames can be taken without.
+void ImageAcquisitionNode::find_attitude() {
+  (void)store_worker_->ask(
+      []() -> std::optional<mission::TelemetryPlace> {
+        try {
+          return mission::Dictionary::load(mission::Dictionary::default_folder()).attitude();
+        } catch (const ConfigError& e) {
+          log::error("frames have no attitude in their headers: {}", e.what());
+          return std::nullopt;
+        }
+      },
+      [this](const std::optional<mission::TelemetryPlace>& place) {
+        malloc_trim(0);                  // what reading YAML took
+        if (!place || !server_) return;  // released meanwhile
+        attitude_telemetry_ = create_subscription(
+            suite::topics::telemetry(place->node),
+            [this, place = *place](const srfs_msgs::msg::PayloadTelemetry& m) { on_attitude(place, m); });
+      });
+}
+
+void ImageAcquisitionNode::on_attitude(const mission::TelemetryPlace& place,
+                                       const srfs_msgs::msg::PayloadTelemetry& m) {
+  if (m.structure_id != place.structure_id) return;
+  OctetReader in(m.data);
+  (void)in.bytes(place.offset);
+  std::array<float, 4> quaternion{};
+  for (float& element : quaternion) element = in.f32();
+  if (!in.ok()) return;
+  attitude_ = FrameFacts::Attitude{quaternion, 0};
   attitude_at_ = MonotonicTime(nanoseconds(static_cast<std::int64_t>(m.monotonic_ns)));
 }
 

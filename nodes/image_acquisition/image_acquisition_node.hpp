@@ -14,6 +14,7 @@
 
 #include "base/action_queue.hpp"
 #include "hw/camera/camera.hpp"
+#include "msgs/mission/dictionary.hpp"
 #include "nodes/image_acquisition/capture_scheduler.hpp"
 #include "nodes/image_acquisition/frame_header.hpp"
 #include "nodes/image_acquisition/frame_store.hpp"
@@ -84,7 +85,8 @@ class ImageAcquisitionNode : public suite::Node {
   void publish_frame(const std::string& file, const CapturedFrame& captured,
                      const std::optional<UtcTime>& begin);
 
-  void on_adcs_telemetry(const srfs_msgs::msg::PayloadTelemetry& m);
+  void find_attitude();
+  void on_attitude(const mission::TelemetryPlace& place, const srfs_msgs::msg::PayloadTelemetry& m);
   void publish_housekeeping();
   void release();
 
@@ -111,7 +113,7 @@ class ImageAcquisitionNode : public suite::Node {
 
   std::shared_ptr<ros::Publisher<sensor_msgs::msg::Image>> images_;
   std::shared_ptr<ros::Subscription<srfs_msgs::msg::TimeTick>> ticks_;
-  std::shared_ptr<ros::Subscription<srfs_msgs::msg::PayloadTelemetry>> adcs_;
+  std::shared_ptr<ros::Subscription<srfs_msgs::msg::PayloadTelemetry>> attitude_telemetry_;
   std::shared_ptr<ros::ActionServer<Capture>> server_;
   ros::Timer wake_;
   ros::Timer soon_;

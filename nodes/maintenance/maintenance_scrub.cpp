@@ -64,6 +64,19 @@ void MaintenanceNode::close_scrubbing() {
   scrubber_.reset();
 }
 
+namespace {
+
+/// None: it cannot be read, which open_limits() reports.
+std::vector<std::filesystem::path> dictionary_files() {
+  try {
+    return mission::Dictionary::files(mission::Dictionary::default_folder());
+  } catch (const ConfigError&) {
+    return {};
+  }
+}
+
+}  // namespace
+
 void MaintenanceNode::carry_out(const CheckSlice& action) {
   scrub_timer_.reset();
   auto slice = std::make_shared<ScrubSchedule::Slice>();
@@ -72,8 +85,7 @@ void MaintenanceNode::carry_out(const CheckSlice& action) {
       [var = var(), deployment, scrubber = scrubber_, begins = action.begins, slice] {
         const UtcTime at = system_utc_now();
         if (begins) {
-          const Installation installation{suite::suite_bin_folder(), library_folder(),
-                                          mission::Dictionary::default_folder()};
+          const Installation installation{suite::suite_bin_folder(), library_folder(), dictionary_files()};
           scrubber->begin(files_to_scrub(*deployment, var, installation), *begins, at);
           slice->more = scrubber->status().running;
         } else {

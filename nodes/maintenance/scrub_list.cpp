@@ -57,8 +57,7 @@ std::vector<ScrubFile> files_to_scrub(const suite::Deployment& deployment, const
     const std::string name = file.filename().string();
     return name.starts_with("libsrfs_") && name.find(".so") != std::string::npos;
   });
-  add_files(files, installation.dictionary_folder, ScrubKind::text,
-            [](const path& file) { return file.extension() == ".yaml"; });
+  for (const path& file : installation.dictionary) files.push_back({file, ScrubKind::text, {}});
   add_files(files, var.root / "keys", ScrubKind::text, [](const path& file) {
     return !file.filename().string().starts_with('.') && file.extension() != ".mend";
   });

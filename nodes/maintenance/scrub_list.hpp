@@ -17,7 +17,7 @@ namespace srfs {
 struct Installation {
   std::filesystem::path bin_folder;
   std::filesystem::path library_folder;
-  std::filesystem::path dictionary_folder;
+  std::vector<std::filesystem::path> dictionary;  ///< its files
 };
 
 /// What must not rot: the golden programs of all nodes, `srfs` and `srfs-lane`, the suite's libraries, stored

@@ -95,7 +95,7 @@ class DocumentedCommandsTest(SystemTest):
         (self.tree / "var").symlink_to(self.var)
         for name in ("launch_config", "msgs"):
             (self.tree / name).symlink_to(ROOT / name)
-        for name in ("examples", "nodes/payload_eps"):
+        for name in ("examples", "mission/payload_eps"):
             shutil.copytree(ROOT / name, self.tree / name)
         for document in DOCUMENTS:
             for name, text in FILE.findall((ROOT / document).read_text()):

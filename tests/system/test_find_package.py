@@ -38,17 +38,17 @@ class FindPackageTest(unittest.TestCase):
     def test_nodes_outside_the_tree_are_built_and_run(self):
         project = self.folder / "project"
         shutil.copytree(SOURCE / "tests/find_package", project)
-        shutil.copytree(SOURCE / "nodes/payload_eps", project / "nodes/payload_eps")
+        shutil.copytree(SOURCE / "mission/payload_eps", project / "payload_eps")
         build = self.folder / "project_build"
         output("cmake", "-S", project, "-B", build, "-G", "Ninja", f"-DCMAKE_PREFIX_PATH={self.prefix}", "-DCMAKE_BUILD_TYPE=Release")
         output("cmake", "--build", build)
         for node in ("minimal_node", "payload_eps_node"):
-            self.assertIn("--deployment", output(build / node, "--help"))
-            self.assertEqual(hardening.faults(hardening.read(build / node), absolute_runpath=True), [])
+            self.assertIn("--deployment", output(build / "bin" / node, "--help"))
+            self.assertEqual(hardening.faults(hardening.read(build / "bin" / node), absolute_runpath=True), [])
 
     def test_the_installed_lane_builds_against_its_own_installation(self):
         sources = self.folder / "sources"
-        shutil.copytree(SOURCE / "nodes/payload_eps", sources / "nodes/payload_eps", ignore=shutil.ignore_patterns("test"))
+        shutil.copytree(SOURCE / "mission/payload_eps", sources / "mission/payload_eps", ignore=shutil.ignore_patterns("test", "*_model.*"))
         output(self.prefix / "bin/srfs-lane", "build", "--sources", sources, "--name", "payload_eps", "--option", "-O0", "--work", self.folder / "work",
             "--out", self.folder / "candidate", "--log", self.folder / "log", "--no-precompiled-header", "--uid", "64045", "--normal-priority")  # fmt: skip
         self.assertIn("--deployment", output(self.folder / "candidate", "--help"))

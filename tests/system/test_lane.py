@@ -138,14 +138,14 @@ class LaneTest(unittest.TestCase):
 
 class BuildTest(LaneTest):
     def test_a_payload_node_is_built_from_its_sources(self):
-        shutil.copytree(ROOT / "nodes/payload_eps", self.folder / "src/nodes/payload_eps", ignore=shutil.ignore_patterns("test"))
+        shutil.copytree(ROOT / "mission/payload_eps", self.folder / "src/mission/payload_eps", ignore=shutil.ignore_patterns("test", "*_model.*"))
         arguments = ("--option", "-O2", "--require", "limits")
         for _ in range(2):
             code, report = self.build(self.folder / "src", *arguments)
             self.assertEqual((code, report["outcome"]), (0, "built"), self.log())
             self.assertTrue(report["precompiled_header"])
         self.assertNotIn("precompile", self.output)
-        self.assertIn("compile 1/2 nodes/payload_eps/eps_profile.cpp\ncompile 2/2 nodes/payload_eps/main.cpp\nlink\n", self.output)
+        self.assertIn("compile 1/2 mission/payload_eps/eps_profile.cpp\ncompile 2/2 mission/payload_eps/main.cpp\nlink\n", self.output)
         program = (self.folder / "probe").read_bytes()
         self.assertEqual((report["octets"], report["sha256"]), (len(program), hashlib.sha256(program).hexdigest()))
         self.assertIn("--deployment", subprocess.run([self.folder / "probe", "--help"], capture_output=True, text=True, timeout=30).stdout)

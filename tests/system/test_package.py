@@ -83,7 +83,7 @@ class PackageProgramTest(unittest.TestCase):
         self.assertLess(self.out.stat().st_size, 15_000)
         manifest = self.show()["manifest"]
         self.assertEqual((manifest["node"], manifest["counter"], manifest["options"]), ("payload_eps", 3, ["-O2"]))
-        self.assertIn("nodes/payload_eps/main.cpp", [file["path"] for file in manifest["files"]])
+        self.assertIn("mission/payload_eps/main.cpp", [file["path"] for file in manifest["files"]])
 
     def test_a_new_node_brings_its_entry_its_slot_and_its_dictionary(self):
         (self.sources / "entry.yaml").write_text(

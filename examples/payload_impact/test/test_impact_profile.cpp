@@ -8,7 +8,7 @@
 
 #include <mission/structures.hpp>
 
-#include "hw_sim/impact_detector.hpp"
+#include "impact_model.hpp"
 
 namespace srfs {
 namespace {
@@ -21,11 +21,10 @@ Octets block(std::uint32_t impacts, float energy_uj) {
 }
 
 TEST(ImpactProfile, MakesAnHousekeepingPacketOfWhatThePeripheralMeasures) {
-  sim::ImpactDetector detector(1);
+  sim::ImpactModel detector(1);
   detector.hit(0.5F);
   detector.hit(0.01F);
   const Octets measured = detector.measure();
-  ASSERT_EQ(measured.size(), wire::impact_measurement_size);
   ASSERT_EQ(measured.size(), mission::ImpactMeasurement::max_size);
 
   const auto processed = ImpactProfile().process(measured, 7, {});
@@ -53,7 +52,7 @@ TEST(ImpactProfile, TellsHitsSinceTheSlotBeforeAndLargeOnesApart) {
 }
 
 TEST(ImpactProfile, PassesItsCommandsToThePeripheralAsTheyAre) {
-  sim::ImpactDetector detector(1);
+  sim::ImpactModel detector(1);
   detector.hit(1);
   const ImpactProfile profile;
   const Octets threshold = mission::ImpactSetThreshold{.threshold_v = 2}.encoded();
@@ -83,8 +82,8 @@ TEST(ImpactFlux, IsHitsAnHourOverTheLastReadings) {
   EXPECT_TRUE(std::isnan(flux.add(800, 0))) << "cleared: it begins anew";
 }
 
-TEST(ImpactDetector, HitsComeAboutAsOftenAsItsFluxSaysAndPowerLossForgetsThem) {
-  sim::ImpactDetector detector(7);
+TEST(ImpactModel, HitsComeAboutAsOftenAsItsFluxSaysAndPowerLossForgetsThem) {
+  sim::ImpactModel detector(7);
   for (int i = 0; i < 36000; ++i)
     detector.step(milliseconds(100));  // an hour: 720 hits, a third above the threshold
   EXPECT_GT(detector.impacts(), 100U);

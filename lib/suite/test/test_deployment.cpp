@@ -308,6 +308,20 @@ TEST_F(DeploymentTest, PlacesThePeripheralsOfItsNodesAndThoseWhoseNodeIsNotThere
               HasSubstr("CAN address 0x21"));
 }
 
+TEST_F(DeploymentTest, AMissionHasItsDictionaryAndItsProgramsBesideTheFile) {
+  std::filesystem::create_directories(folder_ / "bin");
+  EXPECT_TRUE(write_file_atomically(folder_ / "bin" / "own_node", "x"));
+  std::filesystem::create_directories(folder_ / "share");
+  EXPECT_TRUE(write_file_atomically(
+      folder_ / "share" / "d.yaml",
+      "deployment: d\ndictionary: .\nprograms: ../bin\nnodes:\n"
+      "  - {name: own, executable: own_node}\n  - {name: ttc, executable: ttc_node}\n"));
+  const Deployment d = Deployment::load(folder_ / "share" / "d.yaml");
+  EXPECT_EQ(d.dictionary, folder_ / "share" / "");
+  EXPECT_EQ(d.find("own")->executable, (folder_ / "bin" / "own_node").string());
+  EXPECT_EQ(d.find("ttc")->executable, "ttc_node") << "beside the launcher";
+}
+
 TEST_F(DeploymentTest, ANodeMayHaveOtherNamesForTopicsButNotForItself) {
   const auto text = [](const std::string& rule) {
     return "deployment: d\nnodes: [{name: eps, executable: x, remap: ['" + rule + "']}]\n";

@@ -50,15 +50,14 @@ std::uint16_t packed_version(std::string_view version) {
   return static_cast<std::uint16_t>(parts[0] << 12 | parts[1] << 6 | parts[2]);
 }
 
-BeaconBuilder::BeaconBuilder(const mission::Dictionary& dictionary) {
-  std::vector<const mission::ApplicationProcess*> processes;
-  for (const mission::ApplicationProcess& process : dictionary.apids()) {
-    if (!process.added) processes.push_back(&process);  // those have a structure of their own
-  }
-  std::sort(processes.begin(), processes.end(),
-            [](const auto* a, const auto* b) { return a->apid < b->apid; });
-  for (const auto* process : processes) {
-    if (names_.size() < node_count) names_.push_back(process->node);
+BeaconBuilder::BeaconBuilder(const mission::Dictionary& dictionary) : names_(dictionary.nodes()) {
+  if (names_.size() > mission::most_nodes) names_.resize(mission::most_nodes);
+  nodes_.resize(names_.size());
+  for (const mission::BeaconSource& source : dictionary.beacon_sources()) measured_.push_back({source, {}});
+  if (const auto* bus = dictionary.structure(mission::structure::can_switcher)) {
+    const auto overruns = mission::Dictionary::offset_of(*bus, "overruns");
+    const auto failures = mission::Dictionary::offset_of(*bus, "failures");
+    if (overruns && failures) can_ = {bus->id, *overruns, *failures, dictionary.payloads().size()};
   }
 }
 
@@ -70,27 +69,30 @@ BeaconBuilder::Node* BeaconBuilder::find(std::string_view node) {
 void BeaconBuilder::on_telemetry(std::string_view node, std::uint16_t structure_id, OctetView data,
                                  MonotonicTime now) {
   if (find(node) == nullptr) return;
-  OctetReader reader(data);
-  if (structure_id == mission::PayloadEpsHousekeeping::structure_id) {
-    if (const auto eps = mission::PayloadEpsHousekeeping::decode(reader)) {
-      battery_voltage_v_ = Reading{eps->measurement.battery_voltage_v, now};
-      battery_charge_percent_ = Reading{eps->measurement.state_of_charge * 100, now};
-      battery_temperature_k_ = Reading{eps->measurement.battery_temperature_k, now};
-    }
-  } else if (structure_id == mission::PayloadThermalHousekeeping::structure_id) {
-    if (const auto thermal = mission::PayloadThermalHousekeeping::decode(reader)) {
-      temperature_min_k_ = Reading{thermal->temperature_min_k, now};
-      temperature_max_k_ = Reading{thermal->temperature_max_k, now};
-    }
-  } else if (structure_id == mission::TimingHousekeeping::structure_id) {
+  for (Measured& measured : measured_) {
+    if (measured.source.from.structure_id != structure_id) continue;
+    OctetReader reader(data);
+    (void)reader.bytes(measured.source.from.offset);
+    const float value = reader.f32();
+    if (reader.ok()) measured.last = Reading{value * measured.source.scale, now};
+  }
+  if (structure_id == mission::TimingHousekeeping::structure_id) {
+    OctetReader reader(data);
     const auto timing = mission::TimingHousekeeping::decode(reader);
     if (timing && timing->boot_count > 0) boot_ = BootTold{timing->boot_count, timing->reset_cause};
-  } else if (structure_id == mission::CanSwitcherHousekeeping::structure_id) {
-    if (const auto bus = mission::CanSwitcherHousekeeping::decode(reader)) {
-      can_errors_ = bus->overruns;
-      for (const std::uint32_t failures : bus->failures) can_errors_ += failures;
-    }
+  } else if (structure_id == can_.structure_id) {
+    on_can_switcher(data);
   }
+}
+
+void BeaconBuilder::on_can_switcher(OctetView data) {
+  OctetReader overruns(data);
+  (void)overruns.bytes(can_.overruns);
+  std::uint32_t errors = overruns.u32();
+  OctetReader failures(data);
+  (void)failures.bytes(can_.failures);
+  for (std::size_t i = 0; i < can_.payloads; ++i) errors += failures.u32();
+  if (overruns.ok() && failures.ok()) can_errors_ = errors;
 }
 
 void BeaconBuilder::on_lifecycle(std::string_view node, std::uint8_t state) {
@@ -112,9 +114,11 @@ std::vector<std::string> BeaconBuilder::nodes_to_ask() const {
   return asked;
 }
 
-float BeaconBuilder::fresh(const MaybeReading& reading, MonotonicTime now) {
-  if (!reading || now - reading->heard > value_lifetime) return std::numeric_limits<float>::quiet_NaN();
-  return reading->value;
+float BeaconBuilder::fresh(std::string_view value, MonotonicTime now) const {
+  const auto found = std::find_if(measured_.begin(), measured_.end(),
+                                  [&](const Measured& measured) { return measured.source.value == value; });
+  const bool known = found != measured_.end() && found->last && now - found->last->heard <= value_lifetime;
+  return known ? found->last->value : std::numeric_limits<float>::quiet_NaN();
 }
 
 Octets BeaconBuilder::build(const BeaconInputs& inputs, MonotonicTime now) const {
@@ -126,17 +130,20 @@ Octets BeaconBuilder::build(const BeaconInputs& inputs, MonotonicTime now) const
   beacon.mode = inputs.mode;
   beacon.mode_reason = inputs.mode_reason;
   beacon.time_valid = inputs.time_valid;
-  for (std::size_t i = 0; i < node_count; ++i) {
+  beacon.node_state.resize(nodes_.size());
+  beacon.node_restarts.resize(nodes_.size());
+  beacon.node_version.resize(nodes_.size());
+  for (std::size_t i = 0; i < nodes_.size(); ++i) {
     const Node& node = nodes_[i];
     beacon.node_state[i] = beacon_state(node.state, node.facts.running);
     beacon.node_restarts[i] = static_cast<std::uint8_t>(std::min<std::uint32_t>(node.facts.restarts, 255));
     beacon.node_version[i] = packed_version(node.facts.version);
   }
-  beacon.battery_voltage_v = fresh(battery_voltage_v_, now);
-  beacon.battery_charge = fresh(battery_charge_percent_, now);
-  beacon.battery_temperature_k = fresh(battery_temperature_k_, now);
-  beacon.temperature_min_k = fresh(temperature_min_k_, now);
-  beacon.temperature_max_k = fresh(temperature_max_k_, now);
+  beacon.battery_voltage_v = fresh("battery_voltage_v", now);
+  beacon.battery_charge = fresh("battery_charge", now);
+  beacon.battery_temperature_k = fresh("battery_temperature_k", now);
+  beacon.temperature_min_k = fresh("temperature_min_k", now);
+  beacon.temperature_max_k = fresh("temperature_max_k", now);
   beacon.storage_free_mib = inputs.storage_free_mib;
   beacon.storage_state = inputs.storage_state;
   beacon.store_records = inputs.store_records;

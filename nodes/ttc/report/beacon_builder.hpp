@@ -56,13 +56,13 @@ struct BeaconInputs {
 class BeaconBuilder {
  public:
   static constexpr seconds value_lifetime{60};
-  static constexpr std::size_t node_count = 9;
 
   /// The nodes in the beacon are those of the dictionary in APID order, without added ones.
   explicit BeaconBuilder(const mission::Dictionary& dictionary);
 
   [[nodiscard]] const std::vector<std::string>& nodes() const { return names_; }
-  /// A housekeeping sample of any node; those that carry beacon values are read.
+  /// A housekeeping sample of any node; those that carry values of the beacon, as the dictionary says, are
+  /// read.
   void on_telemetry(std::string_view node, std::uint16_t structure_id, OctetView data, MonotonicTime now);
   /// @param state id as in lifecycle_msgs/msg/State
   void on_lifecycle(std::string_view node, std::uint8_t state);
@@ -84,17 +84,27 @@ class BeaconBuilder {
     float value = 0;
     MonotonicTime heard;
   };
-  using MaybeReading = std::optional<Reading>;
+  /// A value of the beacon that another node measures.
+  struct Measured {
+    mission::BeaconSource source;
+    std::optional<Reading> last;
+  };
+  /// Where can_switcher's housekeeping counts failed slots.
+  struct CanErrors {
+    std::uint16_t structure_id = 0;
+    std::size_t overruns = 0;  ///< octets before it
+    std::size_t failures = 0;
+    std::size_t payloads = 0;  ///< elements of failures
+  };
   [[nodiscard]] Node* find(std::string_view node);
-  [[nodiscard]] static float fresh(const MaybeReading& reading, MonotonicTime now);
+  /// Not a number: no source, not heard, or too old.
+  [[nodiscard]] float fresh(std::string_view value, MonotonicTime now) const;
+  void on_can_switcher(OctetView data);
 
   std::vector<std::string> names_;
-  std::array<Node, node_count> nodes_;
-  MaybeReading battery_voltage_v_;
-  MaybeReading battery_charge_percent_;
-  MaybeReading battery_temperature_k_;
-  MaybeReading temperature_min_k_;
-  MaybeReading temperature_max_k_;
+  std::vector<Node> nodes_;  ///< as names_
+  std::vector<Measured> measured_;
+  CanErrors can_;
   std::optional<BootTold> boot_;
   std::uint32_t can_errors_ = UINT32_MAX;  ///< not heard yet
 };

@@ -29,7 +29,7 @@ class RouterWithParts : public testing::Test {
     schedule_.set_request_check([this](OctetView packet) { return router_.check_scheduled(packet); });
   }
 
-  mission::Dictionary dictionary_ = mission::Dictionary::load(std::string(SRFS_SOURCE_DIR) + "/msgs/mission");
+  mission::Dictionary dictionary_ = mission::Dictionary::load(std::string(SRFS_SOURCE_DIR) + "/mission");
   ReportQueue report_queue_;
   AcceptanceJournal journal_{"boot", seconds(60)};
   ModeManager mode_{StoredModeState::first_start, "", MissionMode::nominal};

@@ -20,7 +20,7 @@ class Beacon : public testing::Test {
     EXPECT_TRUE(beacon);
     return beacon.value_or(mission::Beacon{});
   }
-  mission::Dictionary dictionary_ = mission::Dictionary::load(std::string(SRFS_SOURCE_DIR) + "/msgs/mission");
+  mission::Dictionary dictionary_ = mission::Dictionary::load(std::string(SRFS_SOURCE_DIR) + "/mission");
   BeaconBuilder builder_{dictionary_};
   BeaconInputs inputs_;
 };

@@ -69,7 +69,7 @@ class ParameterServiceTest : public testing::Test {
   }
 
   const mission::Dictionary dictionary_ =
-      mission::Dictionary::load(std::string(SRFS_SOURCE_DIR) + "/msgs/mission");
+      mission::Dictionary::load(std::string(SRFS_SOURCE_DIR) + "/mission");
   ReportQueue report_queue_;
   ParameterService service_{dictionary_, report_queue_, mission::apid::ttc};
   std::uint16_t number_ = 0;

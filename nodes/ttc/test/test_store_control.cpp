@@ -60,7 +60,7 @@ class StoreControlTest : public testing::Test {
 
   static constexpr std::size_t room = PacketRetrieval::room_for_batch;
   const mission::Dictionary dictionary_ =
-      mission::Dictionary::load(std::string(SRFS_SOURCE_DIR) + "/msgs/mission");
+      mission::Dictionary::load(std::string(SRFS_SOURCE_DIR) + "/mission");
   ReportQueue report_queue_;
   PacketRetrieval retrieval_{report_queue_};
   StoreControl control_{dictionary_, "", report_queue_, retrieval_};

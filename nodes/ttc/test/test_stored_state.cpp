@@ -34,7 +34,7 @@ class StoredStates : public testing::Test {
 
   const testing_support::TemporaryFolder folder_;
   const mission::Dictionary dictionary_ =
-      mission::Dictionary::load(std::string(SRFS_SOURCE_DIR) + "/msgs/mission");
+      mission::Dictionary::load(std::string(SRFS_SOURCE_DIR) + "/mission");
   std::unique_ptr<StoredState> state_;
 };
 

@@ -301,7 +301,7 @@ class World {
 };
 
 TEST(TtcCoreProperties, WhereverItIsKilledEachTelecommandRunsOnceAndItsEndReachesTheGround) {
-  const auto dictionary = mission::Dictionary::load(std::string(SRFS_SOURCE_DIR) + "/msgs/mission");
+  const auto dictionary = mission::Dictionary::load(std::string(SRFS_SOURCE_DIR) + "/mission");
   int kills = 0;
   std::size_t executed = 0;
   for (std::uint64_t seed = 1; seed <= worlds; ++seed) {
@@ -326,7 +326,7 @@ TEST(TtcCoreProperties, WhereverItIsKilledEachTelecommandRunsOnceAndItsEndReache
 }
 
 TEST(TtcCoreProperties, WithADiskThatFailsNowAndThenNothingIsStuckAndNothingRunsTwice) {
-  const auto dictionary = mission::Dictionary::load(std::string(SRFS_SOURCE_DIR) + "/msgs/mission");
+  const auto dictionary = mission::Dictionary::load(std::string(SRFS_SOURCE_DIR) + "/mission");
   for (std::uint64_t seed = 1; seed <= worlds; ++seed) {
     SCOPED_TRACE("seed " + std::to_string(seed));
     World world(dictionary, seed, true);

@@ -34,14 +34,14 @@ INCLUDE = re.compile(r'^#include ["<]([a-z_0-9]+/[^">]+)[">]', re.MULTILINE)
 
 def parts():
     """Folder of each part -> names of what it may use."""
-    nodes = {str(f.relative_to(ROOT)) for parent in ("nodes", "examples") for f in (ROOT / parent).iterdir() if f.is_dir()}
-    return MAY_USE | {node: OF_NODES | {LIBRARY_OF_PAYLOADS} for node in nodes}
+    nodes = {str(f.relative_to(ROOT)) for parent in ("nodes", "examples", "mission") for f in (ROOT / parent).iterdir() if f.is_dir()}
+    return MAY_USE | {node: OF_NODES | {LIBRARY_OF_PAYLOADS} | ({"hw_sim"} if not node.startswith("nodes") else set()) for node in nodes}
 
 
 def part_of(include: str) -> str:
     """`nodes/ttc/ttc_core.hpp` -> `nodes/ttc`, `base/fd.hpp` -> `base`."""
     names = include.split("/")
-    return "/".join(names[:2]) if names[0] in ("nodes", "programs", "msgs", "examples", "lib") else names[0]
+    return "/".join(names[:2]) if names[0] in ("nodes", "programs", "msgs", "examples", "lib") or include.startswith("mission/payload_") else names[0]
 
 
 def sources(folder: Path):
@@ -61,7 +61,7 @@ class LayersTest(unittest.TestCase):
         self.assertEqual({f"lib/{f.name}" for f in (ROOT / "lib").iterdir() if f.is_dir()}, {f for f in MAY_USE if f.startswith("lib/")})
 
     def test_the_ros_layer_knows_no_node_and_no_payload(self):
-        nodes = [f.name for f in (ROOT / "nodes").iterdir() if f.is_dir() and f.name != "payload"]
+        nodes = [f.name for parent in ("nodes", "mission") for f in (ROOT / parent).iterdir() if f.is_dir() and f.name != "payload"]
         for source in sources(ROOT / "lib/ros"):
             code = re.sub(r"//.*", "", source.read_text(encoding="utf-8"))
             for node in nodes:

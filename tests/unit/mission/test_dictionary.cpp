@@ -19,7 +19,7 @@ using ::testing::AllOf;
 using ::testing::HasSubstr;
 
 const Dictionary& dictionary() {
-  static const Dictionary loaded = Dictionary::load(std::string(SRFS_SOURCE_DIR) + "/msgs/mission");
+  static const Dictionary loaded = Dictionary::load(std::string(SRFS_SOURCE_DIR) + "/mission");
   return loaded;
 }
 
@@ -249,7 +249,7 @@ TEST(StructureText, CalibratesAndNamesWhatTheBeaconCarries) {
   beacon.battery_voltage_v = NAN;
   beacon.mode = MissionMode::nominal;
   beacon.mode_reason = "commanded";
-  beacon.node_state = {LifecycleState::active};
+  beacon.node_state[0] = LifecycleState::active;
   beacon.last_failure_code = failure::busy;
   const auto fields = dictionary().decode(*dictionary().structure("beacon"), beacon.encoded());
   ASSERT_TRUE(fields);
@@ -323,6 +323,64 @@ TEST_F(DictionaryFile, SaysThatThereIsNone) {
   std::filesystem::remove(folder_ / "mission.yaml");
   EXPECT_THROW(static_cast<void>(Dictionary::load(folder_)), ConfigError);
   EXPECT_THROW(static_cast<void>(Dictionary::load(folder_ / "nowhere")), ConfigError);
+}
+
+/// A mission of its own, with SRFS' part beside it.
+class MissionFile : public DictionaryFile {
+ protected:
+  std::string fault(const std::string& more) {
+    std::ofstream(folder_ / "payload_x.yaml")
+        << "apids: [{ name: payload_x, apid: 300, node: payload_x }]\n"
+           "structures:\n  - { name: payload_x, id: 2300, node: payload_x, interval_ms: 1000, fields: "
+           "[{ name: cycle, type: u64 }, { name: charge, type: f32 }, { name: q, type: f32, count: 4 }, "
+           "{ name: note, type: text, max: 8 }, { name: late, type: f32 }] }\n";
+    return DictionaryFile::fault("include: [payload_x.yaml]\nspacecraft: { name: X, id: 7 }\n" + more);
+  }
+};
+
+TEST_F(MissionFile, IsReadWithThePartOfSrfsAndItsPayloadsHaveElementsAndParameters) {
+  EXPECT_EQ(fault("payloads: [payload_x]\nbeacon: { battery_charge: { structure: payload_x, field: charge, "
+                  "scale: 100 } }\nattitude: { structure: payload_x, field: q }\n"
+                  "parameter_ids: { answer_timeout_ms: 2500 }\n"),
+            "accepted");
+  const Dictionary d = Dictionary::load(folder_);
+  EXPECT_EQ(d.spacecraft_id(), 7);
+  EXPECT_EQ(d.structure("payload_eps"), nullptr) << "another mission's";
+  const std::vector<std::string> nodes{
+      "ttc", "timing", "can_switcher", "image_acquisition", "image_processing", "maintenance", "payload_x"};
+  EXPECT_EQ(d.nodes(), nodes);
+  EXPECT_EQ(d.payloads(), std::vector<std::string>{"payload_x"});
+  EXPECT_EQ(Dictionary::payloads_of(folder_), d.payloads());
+  EXPECT_EQ(d.structure("beacon")->max_size(), Beacon::max_size - 2 * 4) << "nine nodes fly this mission";
+  EXPECT_EQ(d.parameter("payload_x.answer_timeout_ms")->id, 2500);
+  EXPECT_EQ(d.parameter("payload_x.log_level")->id, 7);
+
+  CanSwitcherHousekeeping bus;
+  for (auto* list : {&bus.grants, &bus.releases, &bus.failures, &bus.not_taken, &bus.unused}) list->resize(1);
+  bus.grants[0] = 5;
+  const auto fields = d.decode(*d.structure("can_switcher"), bus.encoded());
+  ASSERT_TRUE(fields);
+  EXPECT_EQ(fields->at(1).name, "grants") << "one element";
+  EXPECT_EQ(fields->at(1).text, "5");
+
+  ASSERT_EQ(d.beacon_sources().size(), 1U);
+  EXPECT_EQ(d.beacon_sources()[0].value, "battery_charge");
+  EXPECT_EQ(d.beacon_sources()[0].from.structure_id, 2300);
+  EXPECT_EQ(d.beacon_sources()[0].from.offset, 8U);
+  EXPECT_EQ(d.attitude()->node, "payload_x");
+  EXPECT_EQ(d.attitude()->offset, 12U);
+}
+
+TEST_F(MissionFile, IsRefusedWithItsReason) {
+  const std::string good = "payloads: [payload_x]\n";
+  EXPECT_THAT(fault("payloads: [moon]\n"), HasSubstr("nodes of the list apids"));
+  EXPECT_THAT(fault(""), HasSubstr("payloads in the mission's file"));
+  EXPECT_THAT(fault(good + "beacon: { a: { structure: moon, field: x } }\n"), HasSubstr("structure"));
+  EXPECT_THAT(fault(good + "beacon: { a: { structure: payload_x, field: q } }\n"), HasSubstr("1 x f32"));
+  EXPECT_THAT(fault(good + "beacon: { a: { structure: payload_x, field: late } }\n"),
+              HasSubstr("no text before"));
+  EXPECT_THAT(fault(good + "attitude: { structure: payload_x, field: charge }\n"), HasSubstr("4 x f32"));
+  EXPECT_THAT(fault(good + "colour: red\n"), HasSubstr("unknown key"));
 }
 
 TEST_F(DictionaryFile, AppliesAPolynomialCalibration) {
@@ -580,7 +638,7 @@ TEST_F(DictionaryFile, OnlyAnIntegerOrATimeHasAValueForNotKnown) {
 
 // ---- fragments of added nodes
 
-const std::string mission_folder = std::string(SRFS_SOURCE_DIR) + "/msgs/mission";
+const std::string mission_folder = std::string(SRFS_SOURCE_DIR) + "/mission";
 
 std::string fragment_text() {
   std::ifstream file(std::string(SRFS_SOURCE_DIR) + "/examples/payload_impact/dictionary.yaml");

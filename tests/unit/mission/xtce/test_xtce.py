@@ -26,7 +26,7 @@ from srfs.flight import deployments
 HERE = pathlib.Path(__file__).resolve().parent
 GENERATOR = ROOT / "msgs/generator"
 
-DICTIONARIES = {"flying": ROOT / "msgs/mission", "fixture": HERE / "fixture"}
+DICTIONARIES = {"flying": ROOT / "mission", "fixture": HERE / "fixture"}
 ROUNDS = {"flying": 4, "fixture": 60}
 EMULATOR = os.environ.get("SRFS_TEST_EMULATOR", "").split()  # set in a cross-build
 LEVELS = {"none": "none", "green": "normal", "yellow": "warning", "red": "critical"}

@@ -1,0 +1,86 @@
+# SPDX-FileCopyrightText: 2026 SRFS contributors
+# SPDX-License-Identifier: Apache-2.0
+# What builds a mission: its payloads, its simulator. The same functions in this tree and behind find_package(srfs).
+
+# srfs_mission(<name> DICTIONARY <mission.yaml> [DEPLOYMENTS <files>]): outside this tree, once, before the mission's targets.
+#   <mission/structures.hpp> of the mission's dictionary is what all targets of this folder and below include
+#   share/<name>/ in the build folder and installed: the dictionary and the deployments, which say `dictionary: .` and `programs: ../../bin`
+function(srfs_mission name)
+  cmake_parse_arguments(ARG "" "DICTIONARY" "DEPLOYMENTS" ${ARGN})
+  find_package(Python3 REQUIRED COMPONENTS Interpreter)
+  get_filename_component(mission ${ARG_DICTIONARY} ABSOLUTE)
+  get_filename_component(folder ${mission} DIRECTORY)
+  file(GLOB files RELATIVE ${folder} CONFIGURE_DEPENDS ${folder}/mission.yaml ${folder}/*/dictionary.yaml)
+  set(generated ${CMAKE_CURRENT_BINARY_DIR}/srfs_generated)
+  list(TRANSFORM files PREPEND ${folder}/ OUTPUT_VARIABLE dictionary)
+  add_custom_command(
+    OUTPUT ${generated}/structures.stamp
+    BYPRODUCTS ${generated}/mission/structures.hpp
+    COMMAND ${Python3_EXECUTABLE} -B ${SRFS_GENERATOR_FOLDER}/mission_structures.py --dictionary ${folder} --out ${generated}/mission/structures.hpp
+    COMMAND ${CMAKE_COMMAND} -E touch ${generated}/structures.stamp
+    DEPENDS ${dictionary}
+    COMMENT "Generating C++ structs of the mission dictionary" VERBATIM)
+  add_custom_target(${name}_dictionary DEPENDS ${generated}/structures.stamp)
+  set_property(GLOBAL PROPERTY SRFS_MISSION_DICTIONARY ${name}_dictionary)
+  include_directories(BEFORE ${generated})
+  foreach(file IN LISTS files)
+    configure_file(${folder}/${file} ${CMAKE_BINARY_DIR}/share/${name}/${file} COPYONLY)
+  endforeach()
+  foreach(file IN LISTS ARG_DEPLOYMENTS)
+    get_filename_component(file_name ${file} NAME)
+    configure_file(${file} ${CMAKE_BINARY_DIR}/share/${name}/${file_name} COPYONLY)
+  endforeach()
+  install(DIRECTORY ${CMAKE_BINARY_DIR}/share/${name} DESTINATION share)
+endfunction()
+
+# srfs_add_node(<name> SOURCES ... [DEPS ...] [NO_INSTALL]): the program <name>_node, hardened like SRFS' own, installed into bin/.
+function(srfs_add_node name)
+  cmake_parse_arguments(ARG "NO_INSTALL" "" "SOURCES;DEPS" ${ARGN})
+  set(no_install)
+  if(ARG_NO_INSTALL)
+    set(no_install NO_INSTALL)
+  endif()
+  srfs_mission_program(${name}_node ${no_install} SOURCES ${ARG_SOURCES} DEPS srfs::node ${ARG_DEPS})
+  if(COMMAND srfs_precompile)
+    srfs_precompile(${name}_node nodes HEADERS <suite/node.hpp> DEPS srfs_suite)
+  endif()
+endfunction()
+
+# srfs_add_payload(<name> LOGIC <sources> [MODEL <sources>] [TEST <sources>] [DEPS ...] [NO_INSTALL]): a payload from its folder:
+#   <name>_logic  its profile, without DDS or hardware
+#   <name>_node   main.cpp and the library of all payloads
+#   <name>_model  the model of its peripheral, for srfs_add_simulator; has make_<name>_model()
+#   test_<name>   unit test of profile and model
+function(srfs_add_payload name)
+  cmake_parse_arguments(ARG "NO_INSTALL" "" "LOGIC;MODEL;TEST;DEPS" ${ARGN})
+  set(no_install)
+  if(ARG_NO_INSTALL)
+    set(no_install NO_INSTALL)
+  endif()
+  srfs_mission_library(${name}_logic SOURCES ${ARG_LOGIC} DEPS srfs::payload_logic srfs::mission ${ARG_DEPS})
+  srfs_add_node(${name} SOURCES main.cpp DEPS ${name}_logic srfs::payload ${no_install})
+  set(tested ${name}_logic)
+  if(ARG_MODEL)
+    srfs_mission_library(${name}_model SOURCES ${ARG_MODEL} DEPS srfs::hw_sim srfs::mission)
+    list(APPEND tested ${name}_model)
+  endif()
+  if(ARG_TEST)
+    srfs_add_unit_test(${name} SOURCES ${ARG_TEST} DEPS ${tested})
+  endif()
+endfunction()
+
+# srfs_add_simulator(<program> MODELS <payloads>): simulates the devices of a deployment with the models of these payloads.
+function(srfs_add_simulator program)
+  cmake_parse_arguments(ARG "" "" "MODELS" ${ARGN})
+  set(SRFS_MAKERS "")
+  set(SRFS_MODELS "")
+  set(libraries "")
+  foreach(payload IN LISTS ARG_MODELS)
+    string(APPEND SRFS_MAKERS "std::unique_ptr<PeripheralModel> make_${payload}_model(const ModelContext&);\n")
+    string(APPEND SRFS_MODELS "      {\"${payload}\", srfs::sim::make_${payload}_model},\n")
+    list(APPEND libraries ${payload}_model)
+  endforeach()
+  configure_file(${SRFS_CMAKE_FOLDER}/simulator_main.cpp.in ${CMAKE_CURRENT_BINARY_DIR}/${program}_main.cpp @ONLY)
+  srfs_mission_program(${program} SOURCES ${CMAKE_CURRENT_BINARY_DIR}/${program}_main.cpp DEPS ${libraries} srfs::hw_sim)
+endfunction()
+set(SRFS_CMAKE_FOLDER ${CMAKE_CURRENT_LIST_DIR})
