@@ -7,6 +7,8 @@
 #   share/<name>/ in the build folder and installed: the dictionary and the deployments, which say `dictionary: .` and `programs: ../../bin`
 function(srfs_mission name)
   cmake_parse_arguments(ARG "" "DICTIONARY" "DEPLOYMENTS" ${ARGN})
+  # Debian's Python modules belong to /usr/bin/python3, whatever stands first in PATH.
+  set(Python3_EXECUTABLE /usr/bin/python3 CACHE FILEPATH "Python that has jinja2 and yaml")
   find_package(Python3 REQUIRED COMPONENTS Interpreter)
   get_filename_component(mission ${ARG_DICTIONARY} ABSOLUTE)
   get_filename_component(folder ${mission} DIRECTORY)

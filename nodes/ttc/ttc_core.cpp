@@ -53,7 +53,7 @@ TtcCore::TtcCore(Setup setup)
       connections_(dictionary_, node_, report_queue_),
       parameters_(dictionary_, report_queue_, mission::apid::ttc),
       file_service_(report_queue_, mission::apid::ttc),
-      imaging_(report_queue_),
+      imaging_(report_queue_, setup.lane),
       router_({.dictionary = dictionary_,
                .mode = mode_,
                .hazards = hazards_,

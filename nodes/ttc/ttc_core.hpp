@@ -196,6 +196,7 @@ class TtcCore {
     std::vector<UnusableKey> unusable_keys{};
     std::vector<KeyNews> key_news{};  ///< of the start
     Remembered remembered{};
+    ImageLane lane{};
   };
   explicit TtcCore(Setup setup);
   TtcCore(const TtcCore&) = delete;

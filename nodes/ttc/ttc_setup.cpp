@@ -246,7 +246,9 @@ TtcCore::Setup TtcNode::read_setup(StoredState& state, const FrameCountFile& fra
       .schedule_late_max = parameter("schedule_late_max_ms"),
       .arm_window = parameter("arm_window_ms"),
       .key_news = std::move(key_news),
-      .remembered = remembered_};
+      .remembered = remembered_,
+      .lane = {.acquisition = deployment().find("image_acquisition") != nullptr,
+               .processing = deployment().find("image_processing") != nullptr}};
   state.load_journal(setup, ran, next_telecommand_id_, system_utc_now(), monotonic_now());
   return setup;
 }

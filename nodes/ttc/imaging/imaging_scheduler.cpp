@@ -19,6 +19,14 @@ bool ImagingScheduler::provides(const mission::Command& command) const {
          command.name == mission::ImageCancel::name || command.name == mission::ImageSendFrame::name;
 }
 
+std::optional<Refusal> ImagingScheduler::why_refused(const Telecommand& telecommand) const {
+  const std::string& name = telecommand.command->name;
+  const bool flies = (lane_.acquisition || name != mission::ImageCapture::name) &&
+                     (lane_.processing || name != mission::ImageProcess::name);
+  if (flies) return std::nullopt;
+  return Refusal{.code = mission::failure::unknown_node};
+}
+
 std::optional<ImagingScheduler::Task> ImagingScheduler::read(const Telecommand& telecommand,
                                                              MonotonicTime now) {
   const mission::Command& command = *telecommand.command;

@@ -72,6 +72,12 @@ struct ImagingTime {
   bool utc_valid = false;
 };
 
+/// Which nodes of the image lane the deployment has.
+struct ImageLane {
+  bool acquisition = true;
+  bool processing = true;
+};
+
 /// The imaging tasks of the ground: takes telecommands image.*, decides which goals to send and to cancel and
 /// what to do with files, and reports to the ground how far each task is. At most one goal at each of the two
 /// nodes, so that one task can be captured while another is processed and a third is sent. Every telecommand
@@ -104,9 +110,12 @@ class ImagingScheduler final : public PusService {
   static constexpr std::uint8_t step_processed = 200;
 
   /// @param report_queue outlives this
-  explicit ImagingScheduler(ReportQueue& report_queue) : report_queue_(report_queue) {}
+  explicit ImagingScheduler(ReportQueue& report_queue, ImageLane lane = {})
+      : report_queue_(report_queue), lane_(lane) {}
 
   [[nodiscard]] bool provides(const mission::Command& command) const override;
+  /// Of a node that the deployment does not have.
+  [[nodiscard]] std::optional<Refusal> why_refused(const Telecommand& telecommand) const override;
   void execute(const Telecommand& telecommand, MonotonicTime now) override;
   /// Of this boot. A capture that was asked for is not asked for again: it ends as interrupted, unless all
   /// its frames were stored. What runs for it is cancelled.
@@ -221,6 +230,7 @@ class ImagingScheduler final : public PusService {
   };
 
   ReportQueue& report_queue_;
+  ImageLane lane_;
   std::deque<Task> tasks_;  ///< in the order of their telecommands
   std::vector<Cancel> cancels_;
   std::array<std::optional<MonotonicTime>, 2> clearing_;  ///< no goals for this server, at most until then

@@ -93,7 +93,7 @@ class ImagingSchedulerTest : public testing::Test {
   static std::string at(nanoseconds from_morning) { return "start=" + to_iso8601(morning + from_morning); }
 
   const mission::Dictionary dictionary_ =
-      mission::Dictionary::load(std::string(SRFS_SOURCE_DIR) + "/msgs/mission");
+      mission::Dictionary::load(std::string(SRFS_SOURCE_DIR) + "/mission");
   ReportQueue report_queue_;
   ImagingScheduler scheduler_{report_queue_};
   MonotonicTime now_ = start;
@@ -102,6 +102,21 @@ class ImagingSchedulerTest : public testing::Test {
   std::uint64_t last_id_ = 0;
   ImagingOrder last_;
 };
+
+TEST_F(ImagingSchedulerTest, TelecommandsForNodesThatTheDeploymentDoesNotHaveAreRefused) {
+  const auto refusal = [this](ImageLane lane, std::string_view name) -> std::uint16_t {
+    Telecommand telecommand;
+    telecommand.command = dictionary_.command(name);
+    const auto why = ImagingScheduler(report_queue_, lane).why_refused(telecommand);
+    return why ? why->code : mission::failure::none;
+  };
+  const ImageLane none{.acquisition = false, .processing = false};
+  EXPECT_EQ(refusal(none, "image.capture"), mission::failure::unknown_node);
+  EXPECT_EQ(refusal(none, "image.process"), mission::failure::unknown_node);
+  EXPECT_EQ(refusal(none, "image.cancel"), mission::failure::none) << "tasks of an earlier deployment";
+  EXPECT_EQ(refusal({.acquisition = false}, "image.process"), mission::failure::none);
+  EXPECT_EQ(refusal({}, "image.capture"), mission::failure::none);
+}
 
 TEST_F(ImagingSchedulerTest, ATaskIsCapturedProcessedAndSentWithProgressAtEachStage) {
   send("image.capture", {"task=5", "exposure_us=20000", "gain_db=3", "frames=8", "method=tracklet",
