@@ -17,14 +17,20 @@ function(srfs_mission name)
   list(TRANSFORM files PREPEND ${folder}/ OUTPUT_VARIABLE dictionary)
   add_custom_command(
     OUTPUT ${generated}/structures.stamp
-    BYPRODUCTS ${generated}/mission/structures.hpp
-    COMMAND ${Python3_EXECUTABLE} -B ${SRFS_GENERATOR_FOLDER}/mission_structures.py --dictionary ${folder} --out ${generated}/mission/structures.hpp
+    BYPRODUCTS ${generated}/mission/structures.hpp ${generated}/mission/structures.cpp
+    COMMAND ${Python3_EXECUTABLE} -B ${SRFS_GENERATOR_FOLDER}/mission_structures.py --dictionary ${folder}
+            --out ${generated}/mission/structures.hpp --source ${generated}/mission/structures.cpp
     COMMAND ${CMAKE_COMMAND} -E touch ${generated}/structures.stamp
     DEPENDS ${dictionary}
     COMMENT "Generating C++ structs of the mission dictionary" VERBATIM)
   add_custom_target(${name}_dictionary DEPENDS ${generated}/structures.stamp)
   set_property(GLOBAL PROPERTY SRFS_MISSION_DICTIONARY ${name}_dictionary)
   include_directories(BEFORE ${generated})
+  # Part of each program: srfs::mission has the structures of the mission that SRFS was built with.
+  add_library(${name}_structures OBJECT ${generated}/mission/structures.cpp)
+  srfs_mission_compile(${name}_structures)
+  target_link_libraries(${name}_structures PRIVATE srfs::mission)
+  set_property(GLOBAL PROPERTY SRFS_MISSION_STRUCTURES $<TARGET_OBJECTS:${name}_structures>)
   foreach(file IN LISTS files)
     configure_file(${folder}/${file} ${CMAKE_BINARY_DIR}/share/${name}/${file} COPYONLY)
   endforeach()
