@@ -119,6 +119,7 @@ RingSettings read_ring(const ConfigSection& section) {
   ring.members = section.texts("members");
   ring.critical = section.texts("critical");
   ring.confirmed = section.texts("confirmed");
+  ring.command_path = section.texts("command_path");
   ring.command_path_limit = duration("command_path_limit_ms", 1000, ring.command_path_limit);
   ring.start_deadline = duration("start_deadline_ms", 100, ring.start_deadline);
   ring.absence_counts_misses = section.boolean("absence_counts_misses", ring.absence_counts_misses);
@@ -137,6 +138,26 @@ RingSettings read_ring(const ConfigSection& section) {
   return ring;
 }
 
+constexpr std::array<std::string_view, 4> commanding_programs{"ttc_node", "maintenance_node", "timing_node",
+                                                              "can_switcher_node"};
+constexpr std::size_t always_commanding =
+    2;  ///< of them; without these nothing can be repaired by telecommand
+
+std::string program_of(const NodeEntry& node) {
+  return std::filesystem::path(node.executable).filename().string();
+}
+
+void check_command_path(const Deployment& d, const ConfigSection& section) {
+  if (d.ring.command_path.empty()) return;
+  for (const NodeEntry& node : d.nodes) {
+    const auto* const end = commanding_programs.begin() + always_commanding;
+    const bool needed = std::find(commanding_programs.begin(), end, program_of(node)) != end;
+    if (needed && !d.on_command_path(node.name))
+      throw section.bad("command_path",
+                        "also '" + node.name + "', without which telecommands repair nothing");
+  }
+}
+
 void check_ring(Deployment& d, const ConfigSection& section) {
   if (d.ring.members.empty()) {
     for (const NodeEntry& node : d.nodes) d.ring.members.push_back(node.name);
@@ -148,13 +169,14 @@ void check_ring(Deployment& d, const ConfigSection& section) {
   }
   for (const auto& [key, list] :
        {std::pair{"members", &d.ring.members}, std::pair{"critical", &d.ring.critical},
-        std::pair{"confirmed", &d.ring.confirmed}}) {
+        std::pair{"confirmed", &d.ring.confirmed}, std::pair{"command_path", &d.ring.command_path}}) {
     for (const std::string& name : *list) {
       if (d.find(name) == nullptr) throw section.bad(key, "nodes of this file, '" + name + "' is not one");
       if (std::count(list->begin(), list->end(), name) != 1)
         throw section.bad(key, "different names, '" + name + "' appears twice");
     }
   }
+  check_command_path(d, section);
 }
 
 void check_names(const Deployment& d, const ConfigSection& root) {
@@ -421,15 +443,14 @@ std::string unsafe_link(const Deployment& deployment, const std::filesystem::pat
 }
 
 bool Deployment::on_command_path(const std::string& node) const {
-  static constexpr std::array<std::string_view, 4> programs{"timing_node", "can_switcher_node", "ttc_node",
-                                                            "maintenance_node"};
   const auto contains = [](const auto& list, std::string_view text) {
     return std::find(list.begin(), list.end(), text) != list.end();
   };
   const NodeEntry* const entry = find(node);
   return entry != nullptr &&
          (contains(ring.critical, node) || contains(ring.confirmed, node) ||
-          contains(programs, std::filesystem::path(entry->executable).filename().string()));
+          contains(ring.command_path, node) ||
+          (ring.command_path.empty() && contains(commanding_programs, program_of(*entry))));
 }
 
 }  // namespace srfs::suite

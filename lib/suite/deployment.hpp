@@ -119,6 +119,9 @@ struct RingSettings {
   /// A version of theirs passes its probation only when the operator confirms it: through these two
   /// everything else can be repaired. Default: ttc and maintenance, where they are members.
   std::vector<std::string> confirmed;
+  /// Nodes that make commanding possible; empty: those with the programs of timing, can_switcher, ttc and
+  /// maintenance. See Deployment::on_command_path().
+  std::vector<std::string> command_path;
   /// How long an operator's order may keep a node of the command path held or out of Active.
   std::chrono::milliseconds command_path_limit{600'000};
   std::chrono::milliseconds start_deadline{3000};  ///< from exec to the desired state
@@ -164,8 +167,8 @@ struct Deployment {
   [[nodiscard]] const NodeEntry* find(const std::string& node) const;
   /// nullptr: the deployment places none.
   [[nodiscard]] const Peripheral* peripheral_of(const std::string& payload) const;
-  /// Without it no telecommand is taken or executed, or the watchdog resets the computer: timing,
-  /// can_switcher, ttc and maintenance (by their programs), and what the ring has as critical or confirmed.
+  /// Without it no telecommand is taken or executed, or the watchdog resets the computer: what the ring has
+  /// as command_path, critical or confirmed.
   [[nodiscard]] bool on_command_path(const std::string& node) const;
 };
 

@@ -5,6 +5,8 @@
 #include <algorithm>
 #include <utility>
 
+#include "ros/lifecycle.hpp"
+
 namespace srfs {
 
 WatchdogBudget watchdog_budget(nanoseconds period, int misses, nanoseconds start_deadline) {
@@ -33,16 +35,15 @@ std::uint64_t CriticalAnswers::ask(std::size_t node, MonotonicTime now) {
   return next_nonce_;
 }
 
-void CriticalAnswers::on_answer(std::size_t node, std::uint64_t nonce, std::uint8_t state,
-                                std::uint8_t desired) {
+void CriticalAnswers::on_answer(std::size_t node, std::uint64_t nonce, std::uint8_t state) {
   Node& asked = nodes_[node];
   if (nonce != asked.nonce) {
     ++counters_.wrong_nonce;
     return;
   }
   asked.nonce = 0;  // once
-  if (state != desired) {
-    ++counters_.wrong_state;
+  if (state != static_cast<std::uint8_t>(ros::State::active)) {
+    ++counters_.not_active;
     return;
   }
   ++counters_.answered;

@@ -28,7 +28,9 @@ inline constexpr nanoseconds critical_check_period = seconds(1);
 [[nodiscard]] WatchdogBudget watchdog_budget(nanoseconds period, int misses, nanoseconds start_deadline);
 
 /// Remembers when each critical node last gave proof that it works: the answer to timing's own question, with
-/// its nonce, from the state the node shall be in. Pure; one thread.
+/// its nonce, of a node that is Active. Whether somebody wants it in another state does not matter: an order
+/// must not keep the spacecraft deaf. A start and a transition have their time in the lifetime of a proof.
+/// Pure; one thread.
 class CriticalAnswers {
  public:
   /// @param incarnation  of timing: answers to a process before this one have other nonces
@@ -38,8 +40,8 @@ class CriticalAnswers {
 
   /// A question goes out. @return its nonce; older ones are void
   [[nodiscard]] std::uint64_t ask(std::size_t node, MonotonicTime now);
-  /// @param state, desired  of lifecycle_msgs/msg/State: where the node is, and where its operator wants it
-  void on_answer(std::size_t node, std::uint64_t nonce, std::uint8_t state, std::uint8_t desired);
+  /// @param state  of lifecycle_msgs/msg/State
+  void on_answer(std::size_t node, std::uint64_t nonce, std::uint8_t state);
 
   /// What the node's process has had of the CPU: a time in which it waited for one does not make its proof
   /// older.
@@ -56,7 +58,7 @@ class CriticalAnswers {
     std::uint64_t asked = 0;
     std::uint64_t answered = 0;
     std::uint64_t wrong_nonce = 0;
-    std::uint64_t wrong_state = 0;
+    std::uint64_t not_active = 0;
   };
   [[nodiscard]] const Counters& counters() const { return counters_; }
 

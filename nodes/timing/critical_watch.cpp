@@ -30,7 +30,7 @@ void CriticalWatch::ask(MonotonicTime now,
     question.nonce = answers_.ask(i, now);
     question.observer = observer_;
     clients_[i]->call(question, critical_check_period, 1, [this, i](const Client::Outcome& answer) {
-      if (answer) answers_.on_answer(i, answer->nonce, answer->lifecycle_state, answer->desired_state);
+      if (answer) answers_.on_answer(i, answer->nonce, answer->lifecycle_state);
     });
   }
 }
@@ -38,7 +38,7 @@ void CriticalWatch::ask(MonotonicTime now,
 std::vector<WatchdogEvidence> CriticalWatch::evidence() const {
   std::vector<WatchdogEvidence> all;
   for (std::size_t i = 0; i < answers_.nodes().size(); ++i) {
-    all.push_back({answers_.nodes()[i] + " does not answer",
+    all.push_back({answers_.nodes()[i] + " is not Active",
                    [this, i](MonotonicTime now) { return answers_.holds(i, now); }});
   }
   return all;

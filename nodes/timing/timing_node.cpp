@@ -575,7 +575,7 @@ void TimingNode::publish_housekeeping() {
     const CriticalAnswers::Counters& critical = critical_->answers().counters();
     hk.critical_asked = as_u32(critical.asked);
     hk.critical_answered = as_u32(critical.answered);
-    hk.critical_refused = as_u32(critical.wrong_nonce + critical.wrong_state);
+    hk.critical_refused = as_u32(critical.wrong_nonce + critical.not_active);
   }
   hk.boot_count = boot_ ? boot_->record().count : 0;
   hk.reset_cause = boot_ ? boot_->cause() : mission::ResetCause::unknown;

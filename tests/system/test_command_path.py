@@ -9,6 +9,7 @@ import unittest
 
 from support import BIN, DEADLINE_S, SystemTest
 
+from srfs.flight.deployments import NODES
 from srfs.flight.processes import wait_until
 
 LIMIT = ("  period_ms: 100 ", "  command_path_limit_ms: 6000\n  period_ms: 100 ")
@@ -57,6 +58,17 @@ class CommandPathTest(SystemTest):
             wait_until(lambda: {n["state"] for n in flight.status()} == {"active"}, DEADLINE_S, "all nodes are Active")
             self.assertEqual(watchdog()["bites"], 1)
             self.assertEqual(flight.ground().command("ping", DEADLINE_S).get("stage"), "completed")
+
+    def test_a_critical_node_that_is_not_active_gets_the_computer_restarted_long_before_its_order_ends(self):
+        with self.flight(self.deployment(TIMEOUT)) as flight:
+            watchdog = lambda: flight.control({"query": "counters"})["watchdog"]  # noqa: E731
+            wait_until(lambda: watchdog()["armed"], DEADLINE_S, "the watchdog is armed")
+            before = flight.node_pid("ttc")
+            self.assertIn("for at most 600 s", self.says(flight, "lifecycle", "ttc", "deactivate"))
+            wait_until(lambda: watchdog()["bites"] == 1, DEADLINE_S, "ttc answers, and is not Active")
+            self.assertIn("watchdog not fed: ttc is not Active", (flight.var / "log/timing.log").read_text())
+            wait_until(lambda: flight.node_pid("ttc") not in (None, before) and self.state(flight, "ttc") == "active", DEADLINE_S, "ttc is Active")
+            self.assertEqual(flight.ground().command("ping --timeout 20", DEADLINE_S).get("stage"), "completed")
 
 
 if __name__ == "__main__":

@@ -10,6 +10,7 @@ from support import DEADLINE_S, SystemTest, wait_for_slots
 
 from srfs.flight.processes import wait_until
 
+CRITICAL = ("critical: [timing, can_switcher, ttc]", "critical: [timing, ttc]")  # the switcher is Inactive for longer than the watchdog would wait
 ACCEPTED, STARTED, COMPLETED = 1, 3, 7
 EXPIRED = 20
 
@@ -45,7 +46,7 @@ class WaitingTelecommandsTest(SystemTest):
         self.assertNotIn(flight.node_pid(node), (None, pid))
 
     def test_what_was_accepted_before_a_kill_is_executed_once_in_order_after_the_restart(self):
-        with self.flight() as flight:
+        with self.flight(self.deployment(CRITICAL)) as flight:
             recorder, ground = flight.recorder(), flight.ground()
             wait_for_slots(recorder, "payload_eps", "released", 2, 0)
             self.switcher(flight, "deactivate")
@@ -68,7 +69,7 @@ class WaitingTelecommandsTest(SystemTest):
             wait_until(lambda: flight.control({"query": "counters"})["peripherals"]["eps"]["resets"] == resets + 1, DEADLINE_S, "one reset")
 
     def test_an_expired_telecommand_is_reported_as_such_and_not_executed(self):
-        with self.flight() as flight:
+        with self.flight(self.deployment(CRITICAL)) as flight:
             recorder, ground = flight.recorder(), flight.ground()
             wait_for_slots(recorder, "payload_eps", "released", 2, 0)
             self.switcher(flight, "deactivate")
@@ -88,7 +89,7 @@ class WaitingTelecommandsTest(SystemTest):
 
 class PayloadRestartTest(SystemTest):
     def test_a_restart_of_the_node_does_not_touch_the_power_of_its_peripheral(self):
-        with self.flight() as flight:
+        with self.flight(self.deployment(CRITICAL)) as flight:
             recorder = flight.recorder()
             wait_for_slots(recorder, "payload_eps", "released", 2, 0)
             before = flight.control({"query": "counters"})["peripherals"]
@@ -106,13 +107,13 @@ class PayloadRestartTest(SystemTest):
             self.assertEqual(power, {name: (True, device["power_cycles"]) for name, device in before.items()})
             self.assertEqual(after["eps"]["resets"], before["eps"]["resets"])
             self.assertEqual(flight.restarts(), 1)
-        with self.flight() as flight:
+        with self.flight(self.deployment(CRITICAL)) as flight:
             self.assertEqual(flight.restarts(), 0, "those of the flight before, which the folder remembers")
 
 
 class SensorInputsTest(SystemTest):
     def test_every_input_is_reported_by_the_payload_it_belongs_to(self):
-        with self.flight() as flight:
+        with self.flight(self.deployment(CRITICAL)) as flight:
             flight.control({"gpio": {"inputs": 0}})
             ground = flight.ground()
 

@@ -108,6 +108,12 @@ std::string what_happened(const FaultRecord& record) {
 
 }  // namespace
 
+/// The version that gives way to the next best one, and why.
+struct Restarter::FailedVersion {
+  update::VersionNumber number = update::golden;
+  std::string why;
+};
+
 /// One accusation in progress.
 struct Restarter::Case {
   explicit Case(const Accusation& a) : accusation(a) {}
@@ -124,7 +130,7 @@ struct Restarter::Case {
   std::optional<MonotonicTime> gone;
   std::optional<MonotonicTime> started;
   bool acted = false;                     ///< killed or started: worth a line in any case
-  std::optional<VersionTrial> failed;     ///< the version it died with, in its probation
+  std::optional<FailedVersion> failed;    ///< the version it died with gives way to another one
   std::optional<std::uint32_t> outlived;  ///< the same, after its probation: it is good
   std::optional<VersionFallback> fallback;
 
@@ -428,10 +434,19 @@ std::optional<RestartOutcome> Restarter::ask_policy(Case& c) const {
     return RestartOutcome{
         What::not_believed, c.accusation.pid, {}, "its version is not in question any more"};
   if (decision.step == RestartDecision::Step::last_good) {
-    c.failed = trial;
+    c.failed = {trial->version,
+                fmt::format("{}{}{} {:.1f} s after its start, in its probation", to_text(c.accusation.fault),
+                            c.accusation.detail.empty() ? "" : ": ", c.accusation.detail,
+                            static_cast<double>(trial->lived.count()) / 1e9)};
     return std::nullopt;
   }
   if (trial) c.outlived = trial->version;
+  if (decision.step == RestartDecision::Step::quarantine && gives_way_to_golden(c, table.active())) {
+    c.failed = {table.active(), fmt::format("{} deaths within {} s, and telecommands need this node",
+                                            decision.deaths, deployment_.ring.window.count() / 1000)};
+    c.outlived.reset();
+    return std::nullopt;
+  }
   const bool waits = decision.step != RestartDecision::Step::start && now < decision.not_before;
   if (waits && c.running && !is_useless(c.accusation.fault))
     return RestartOutcome{What::backing_off, c.process->pid(), decision.not_before,
@@ -446,6 +461,14 @@ std::optional<RestartOutcome> Restarter::ask_policy(Case& c) const {
   return RestartOutcome{
       quarantined ? What::quarantined : What::backing_off, 0, decision.not_before,
       fmt::format("{} deaths within {} s", decision.deaths, deployment_.ring.window.count() / 1000)};
+}
+
+/// A node of the command path does not wait in quarantine with a version other than golden, however good that
+/// one was: it may be what keeps the operator from reaching the spacecraft. The deaths have to be its own.
+bool Restarter::gives_way_to_golden(const Case& c, update::VersionNumber active) const {
+  const auto started = last_started(var_, c.node->name);
+  return active != update::golden && started && started->version == active &&
+         (deployment_now_ ? deployment_now_() : deployment_).on_command_path(c.node->name);
 }
 
 /// Signals until its instance lock is free. Nothing when it is gone.
@@ -502,7 +525,7 @@ RestartOutcome Restarter::start_new(Case& c, const RestartLock& lock) const {
   if (std::filesystem::exists(var_.stopping_flag(), ec)) return {What::stopping, 0, {}, ""};
   DeathHistory history = read_deaths(var_, c.node->name);
   count_death(history, deployment_.ring, *c.begun);
-  if (c.failed) ask_for_last_good(c, *c.failed, history);
+  if (c.failed) take_next_best(c, *c.failed, history);
   write_deaths(var_, c.node->name, history);
   c.acted = true;
   const auto launched =
@@ -517,16 +540,13 @@ RestartOutcome Restarter::start_new(Case& c, const RestartLock& lock) const {
 }
 
 /// Its deaths are not held against the version that comes back.
-void Restarter::ask_for_last_good(Case& c, const VersionTrial& trial, DeathHistory& history) const {
-  const std::string why = fmt::format("{}{}{} {:.1f} s after its start, in its probation",
-                                      to_text(c.accusation.fault), c.accusation.detail.empty() ? "" : ": ",
-                                      c.accusation.detail, static_cast<double>(trial.lived.count()) / 1e9);
-  if (!set_aside(var_, c.node->name, trial.version, why))
-    log::error("version {} of {} cannot be set aside", trial.version, c.node->name);
+void Restarter::take_next_best(Case& c, const FailedVersion& failed, DeathHistory& history) const {
+  if (!set_aside(var_, c.node->name, failed.number, failed.why))
+    log::error("version {} of {} cannot be set aside", failed.number, c.node->name);
   history.deaths.clear();
   const update::VersionNumber active = read_versions(var_, c.node->name).table.active();
-  if (active != trial.version)
-    c.fallback = VersionFallback{trial.version, active, why};  // else confirmed just now
+  if (active != failed.number)
+    c.fallback = VersionFallback{failed.number, active, failed.why};  // else confirmed just now
 }
 
 /// A node that takes the CPUs from all others is the pressure: ending it does not wait.

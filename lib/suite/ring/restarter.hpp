@@ -73,13 +73,15 @@ class Restarter {
 
  private:
   class Recorder;
+  struct FailedVersion;
   struct Case;
   [[nodiscard]] RestartOutcome decide_and_act(Case& c);
   [[nodiscard]] std::string wait_for_stand_in(const Case& c) const;
   [[nodiscard]] std::optional<RestartOutcome> look_again(Case& c) const;
   [[nodiscard]] std::optional<RestartOutcome> look_for_starting(Case& c) const;
   [[nodiscard]] std::optional<RestartOutcome> ask_policy(Case& c) const;
-  void ask_for_last_good(Case& c, const VersionTrial& trial, DeathHistory& history) const;
+  [[nodiscard]] bool gives_way_to_golden(const Case& c, update::VersionNumber active) const;
+  void take_next_best(Case& c, const FailedVersion& failed, DeathHistory& history) const;
   [[nodiscard]] std::optional<RestartOutcome> kill_old(Case& c) const;
   [[nodiscard]] RestartOutcome start_new(Case& c, const RestartLock& lock) const;
   [[nodiscard]] std::optional<RestartOutcome> wait_for_pressure(const Case& c) const;

@@ -18,14 +18,14 @@ class CriticalAnswersTest : public ::testing::Test {
 
 TEST_F(CriticalAnswersTest, HoldWhileTheLastAnswerIsFresh) {
   EXPECT_FALSE(answers.holds(0, start)) << "nothing is believed before the first answer";
-  answers.on_answer(0, answers.ask(0, start), active, active);
+  answers.on_answer(0, answers.ask(0, start), active);
   EXPECT_TRUE(answers.holds(0, start + seconds(7)));
   EXPECT_FALSE(answers.holds(0, start + seconds(7) + nanoseconds(1)));
   EXPECT_FALSE(answers.holds(1, start)) << "each node answers for itself";
 }
 
 TEST_F(CriticalAnswersTest, AreNoOlderForATimeInWhichTheirNodeWaitedForACpu) {
-  answers.on_answer(0, answers.ask(0, start), active, active);
+  answers.on_answer(0, answers.ask(0, start), active);
   answers.on_cpu(0, 77, {}, start);
   const auto waited = [](int s) { return CpuTotals{seconds(s), nanoseconds(0), seconds(s)}; };
   answers.on_cpu(0, 77, waited(15), start + seconds(20));
@@ -40,21 +40,21 @@ TEST_F(CriticalAnswersTest, AreNoOlderForATimeInWhichTheirNodeWaitedForACpu) {
 
 TEST_F(CriticalAnswersTest, CountFromTheQuestionHoweverLongTheAnswerLayInAQueue) {
   const auto nonce = answers.ask(0, start);
-  answers.on_answer(0, nonce, active, active);
+  answers.on_answer(0, nonce, active);
   EXPECT_FALSE(answers.holds(0, start + seconds(8)));
 }
 
 TEST_F(CriticalAnswersTest, AreRefusedWithAnotherNonceAndASecondTime) {
   const auto stale = answers.ask(0, start);
   const auto fresh = answers.ask(0, start + seconds(1));
-  answers.on_answer(0, stale, active, active);
-  answers.on_answer(0, 0, active, active);
+  answers.on_answer(0, stale, active);
+  answers.on_answer(0, 0, active);
   EXPECT_FALSE(answers.holds(0, start + seconds(1)));
-  answers.on_answer(1, fresh, active, active);
+  answers.on_answer(1, fresh, active);
   EXPECT_FALSE(answers.holds(1, start + seconds(1))) << "the nonce of the question to another node";
-  answers.on_answer(0, fresh, active, active);
+  answers.on_answer(0, fresh, active);
   EXPECT_TRUE(answers.holds(0, start + seconds(1)));
-  answers.on_answer(0, fresh, active, active);
+  answers.on_answer(0, fresh, active);
   EXPECT_EQ(answers.counters().wrong_nonce, 4U);
   EXPECT_EQ(answers.counters().answered, 1U);
 }
@@ -63,16 +63,30 @@ TEST_F(CriticalAnswersTest, AreRefusedFromAProcessOfTimingBeforeThisOne) {
   CriticalAnswers before({"can_switcher", "ttc"}, 4, seconds(7));
   const auto old = before.ask(0, start);
   (void)answers.ask(0, start);
-  answers.on_answer(0, old, active, active);
+  answers.on_answer(0, old, active);
   EXPECT_FALSE(answers.holds(0, start));
 }
 
-TEST_F(CriticalAnswersTest, AreRefusedFromAnotherStateThanTheDesiredOne) {
-  answers.on_answer(0, answers.ask(0, start), inactive, active);
-  EXPECT_FALSE(answers.holds(0, start));
-  answers.on_answer(0, answers.ask(0, start), inactive, inactive);
-  EXPECT_TRUE(answers.holds(0, start)) << "inactive by command is healthy";
-  EXPECT_EQ(answers.counters().wrong_state, 1U);
+TEST_F(CriticalAnswersTest, AreRefusedFromEveryStateButActiveWhoeverWantedIt) {
+  for (int state = 0; state <= UINT8_MAX; ++state) {
+    if (state == active) continue;
+    answers.on_answer(0, answers.ask(0, start), static_cast<std::uint8_t>(state));
+    EXPECT_FALSE(answers.holds(0, start)) << state;
+  }
+  EXPECT_EQ(answers.counters().not_active, 255U);
+  answers.on_answer(0, answers.ask(0, start), active);
+  EXPECT_TRUE(answers.holds(0, start));
+}
+
+TEST_F(CriticalAnswersTest, OfANodeThatIsTakenOutOfActiveAgainAndAgainDoNotAddUp) {
+  // Active for a moment each 20 s: the proofs hold for their lifetime and no longer.
+  MonotonicTime now = start;
+  for (int i = 0; i < 100; ++i, now += seconds(20)) {
+    answers.on_answer(0, answers.ask(0, now), active);
+    answers.on_answer(0, answers.ask(0, now + seconds(1)), inactive);
+    EXPECT_TRUE(answers.holds(0, now + seconds(7)));
+    EXPECT_FALSE(answers.holds(0, now + seconds(8)));
+  }
 }
 
 TEST(WatchdogBudget, LeavesRoomForOneFullRecoveryOfTheRing) {

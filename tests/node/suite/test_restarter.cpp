@@ -859,6 +859,45 @@ TEST_F(Restarting, ADeathAfterTheProbationStartsTheSameVersionAndMakesItTheLastG
   EXPECT_EQ(table_on_disk().last_good(), 1U);
 }
 
+TEST_F(Restarting, ANodeOfTheCommandPathGivesWayToGoldenBeforeItIsQuarantined) {
+  for (const bool on_command_path : {false, true}) {
+    SCOPED_TRACE(on_command_path);
+    plan_.ring.restarts = plan_.ring.quarantine_deaths = 3;
+    plan_.ring.first_wait = plan_.ring.longest_wait = std::chrono::hours(1);
+    if (on_command_path) plan_.ring.critical = {"one"};
+    ASSERT_TRUE(release(var_, "one", milliseconds(1000)));  // of the round before
+    if (!on_command_path) {
+      make_active(add_version(good));
+      commit(1);
+    }
+    auto now = start();
+    EXPECT_EQ(last_started(var_, "one")->version, 1U);
+    CalmRestarter restarter(plan_, var_, "observer", "/nowhere");
+    const auto die = [&] {
+      end(now.pid, SIGKILL);
+      const auto outcome = restarter.restart(accuse(now, FaultClass::exited));
+      if (outcome.what == What::restarted) now = running("one", now.incarnation);
+      return outcome;
+    };
+    for (int death = 1; death < 3; ++death) EXPECT_EQ(die().version, 1U);
+    const auto third = die();
+    if (!on_command_path) {
+      EXPECT_EQ(third.what, What::quarantined);
+      continue;
+    }
+    ASSERT_EQ(third.what, What::restarted) << third.reason;
+    EXPECT_EQ(third.version, update::golden);
+    ASSERT_TRUE(third.fallback);
+    EXPECT_EQ(third.fallback->from, 1U);
+    EXPECT_EQ(ledger(restarter).back().failed_version, 1U);
+    EXPECT_EQ(table_on_disk().find(1)->state, update::VersionState::failed);
+    for (int death = 1; death < 3; ++death) EXPECT_EQ(die().what, What::restarted);
+    const auto last = die();
+    EXPECT_EQ(last.what, What::quarantined) << "golden is all there is";
+    EXPECT_TRUE(last.not_before) << "tried again by itself";
+  }
+}
+
 TEST_F(Restarting, AVersionThatNobodyConfirmedInTimeIsRolledBackThoughItLivesAndIsHeld) {
   plan_.ring.confirmed = {"one"};
   make_active(add_version(good), milliseconds(1));

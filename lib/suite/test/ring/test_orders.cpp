@@ -45,6 +45,25 @@ TEST_F(Orders, TheCommandPathIsWhatTheWatchdogNeedsAndWhatTelecommandsPassThroug
   EXPECT_FALSE(plan_.on_command_path("nobody"));
 }
 
+TEST_F(Orders, TheCommandPathMayBeStatedAndCannotLeaveOutTtc) {
+  const auto load = [this](const std::string& ring) {
+    const auto file = folder_.path() / "stated.yaml";
+    EXPECT_TRUE(write_file_atomically(file, "deployment: t\nring: {" + ring +
+                                                "}\n"
+                                                "nodes:\n"
+                                                "  - {name: clock, executable: timing_node}\n"
+                                                "  - {name: radio, executable: ttc_node}\n"
+                                                "  - {name: eps, executable: payload_eps_node}\n"));
+    return Deployment::load(file);
+  };
+  const Deployment stated = load("command_path: [radio, eps]");
+  EXPECT_TRUE(stated.on_command_path("eps"));
+  EXPECT_FALSE(stated.on_command_path("clock"));
+  EXPECT_TRUE(load("command_path: [radio], critical: [clock]").on_command_path("clock"));
+  EXPECT_THROW(load("command_path: [clock, eps]"), ConfigError) << "without the radio";
+  EXPECT_THROW(load("command_path: [radio, nobody]"), ConfigError);
+}
+
 TEST_F(Orders, ToAnyOtherNodeStandUntilTheyAreLifted) {
   ASSERT_TRUE(hold(var_, plan_, "eps", "it disturbs", now_));
   ASSERT_TRUE(set_desired_state(var_, plan_, "eps", ros::State::inactive, now_));
