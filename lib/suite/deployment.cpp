@@ -121,6 +121,8 @@ RingSettings read_ring(const ConfigSection& section) {
   ring.confirmed = section.texts("confirmed");
   ring.command_path = section.texts("command_path");
   ring.command_path_limit = duration("command_path_limit_ms", 1000, ring.command_path_limit);
+  ring.unhealthy_starts =
+      static_cast<int>(section.integer("unhealthy_starts", 1, 1000, ring.unhealthy_starts));
   ring.start_deadline = duration("start_deadline_ms", 100, ring.start_deadline);
   ring.absence_counts_misses = section.boolean("absence_counts_misses", ring.absence_counts_misses);
   ring.work_deadline = duration("work_deadline_ms", 100, ring.work_deadline);

@@ -124,6 +124,9 @@ struct RingSettings {
   std::vector<std::string> command_path;
   /// How long an operator's order may keep a node of the command path held or out of Active.
   std::chrono::milliseconds command_path_limit{600'000};
+  /// After so many starts of the suite in a row that did not become healthy (timing: healthy_after_s), orders
+  /// to nodes and kept parameters are set aside (set_aside.hpp).
+  int unhealthy_starts = 3;
   std::chrono::milliseconds start_deadline{3000};  ///< from exec to the desired state
   std::chrono::milliseconds work_deadline{2000};   ///< age of undone work that is due
   /// Of a worker thread's job, from when it runs, or could run: what is older is frozen.

@@ -13,6 +13,7 @@
 #include "nodes/maintenance/suite_files.hpp"
 #include "nodes/maintenance/update_line.hpp"
 #include "suite/mission_time.hpp"
+#include "suite/set_aside.hpp"
 
 namespace srfs {
 namespace {
@@ -28,6 +29,7 @@ constexpr auto answer_deadline = seconds(2);
 constexpr auto save_deadline = seconds(4);
 constexpr int save_attempts = 2;  // a repeat names its first attempt: done once
 constexpr std::size_t longest_reason = 150;
+constexpr auto set_aside_report_delay = seconds(10);  // ttc has to be there, and to have discovered this node
 
 }  // namespace
 
@@ -47,10 +49,33 @@ CallbackReturn MaintenanceNode::on_configure() {
 CallbackReturn MaintenanceNode::on_activate() {
   resume_commanding();
   resume_update();
+  report_set_aside();
   return CallbackReturn::success;
 }
 
+/// Reported twice rather than never: the note goes after the event.
+void MaintenanceNode::report_set_aside() {
+  set_aside_report_ = create_one_shot(
+      monotonic_now() + set_aside_report_delay,
+      [this] {
+        (void)worker_->ask([paths = var()] { return suite::read_set_aside_note(paths); },
+                           [this](const std::optional<suite::SetAsideNote>& note) {
+                             if (!note) return;
+                             mission::MaintenanceOrdersSetAsideEvent event;
+                             event.starts = note->starts;
+                             event.what = note->what.substr(0, longest_reason);
+                             raise(event);
+                             worker_->post([paths = var()] {
+                               if (const auto removed = suite::remove_set_aside_note(paths); !removed)
+                                 log::error("{}", removed.error());
+                             });
+                           });
+      },
+      "orders set aside");
+}
+
 CallbackReturn MaintenanceNode::on_cleanup() {
+  set_aside_report_.reset();
   sending_.reset();
   lines_.clear();
   suite_actions_.clear();

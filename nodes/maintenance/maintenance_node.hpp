@@ -53,6 +53,8 @@ class MaintenanceNode : public CommandedNode {
 
   void run(SuiteActions actions);
 
+  void report_set_aside();
+
   // Telecommands
   void carry_out(const AnswerTelecommand& action);
   /// On the worker.
@@ -145,6 +147,7 @@ class MaintenanceNode : public CommandedNode {
   std::shared_ptr<ros::Worker> worker_;
   std::deque<EncodedLine> lines_;  ///< still to be sent, 100 at most
   ros::Timer sending_;
+  ros::Timer set_aside_report_;
   ros::Timer own_end_;
   std::shared_ptr<ros::Client<SetParameters>> parameters_of_;  ///< while a call is under way
   std::map<std::string, std::shared_ptr<ros::Client<srfs_msgs::srv::SaveParameters>>> save_clients_;

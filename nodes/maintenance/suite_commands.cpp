@@ -31,8 +31,9 @@ FailureCode check(OctetView arguments, const suite::Deployment& deployment) {
     if (deployment.find(command->node) == nullptr) return mission::failure::unknown_node;
   }
   // Down or Inactive by telecommand, such a node could not be brought back by telecommand.
-  constexpr bool takes_away =
-      std::is_same_v<Command, mission::RingHold> || std::is_same_v<Command, mission::RingReleaseInactive>;
+  constexpr bool takes_away = std::is_same_v<Command, mission::RingHold> ||
+                              std::is_same_v<Command, mission::RingReleaseInactive> ||
+                              std::is_same_v<Command, mission::RingRestoreOrders>;
   if constexpr (takes_away) {
     if (deployment.on_command_path(command->node)) return mission::failure::on_command_path;
   }
@@ -114,6 +115,7 @@ constexpr std::array handlers{
     on<mission::RingHold>(itself),
     on<mission::RingRelease>(itself),
     on<mission::RingReleaseInactive>(itself),
+    on<mission::RingRestoreOrders>(itself),
     on<mission::RingReportFaults>(itself),
     on<mission::NodeSetLogLevel>(set_log_level),
     on<mission::NodeSendReport>(send_report),

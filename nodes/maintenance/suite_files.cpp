@@ -13,6 +13,7 @@
 #include "suite/node_addition.hpp"
 #include "suite/node_versions.hpp"
 #include "suite/ring/node_record.hpp"
+#include "suite/set_aside.hpp"
 
 namespace srfs {
 namespace {
@@ -65,6 +66,12 @@ SuiteActions perform(const mission::RingReleaseInactive& order, const SuiteFiles
   const auto set = suite::set_desired_state(suite.var, suite.deployment, order.node, ros::State::inactive,
                                             monotonic_now());
   return end_with(set ? suite::release(suite.var, order.node, release_patience) : set);
+}
+
+SuiteActions perform(const mission::RingRestoreOrders& order, const SuiteFiles& suite) {
+  const auto restored = suite::restore_orders(suite.var, order.node);
+  if (!restored) return failed(restored.error());
+  return {AnswerTelecommand{*restored ? mission::failure::none : mission::failure::nothing_set_aside}};
 }
 
 SuiteActions perform(const mission::RingReportFaults& order, const SuiteFiles& suite) {

@@ -25,6 +25,7 @@
 #include "programs/srfs/state_questions.hpp"
 #include "suite/departures.hpp"
 #include "suite/launcher.hpp"
+#include "suite/set_aside.hpp"
 
 namespace srfs::tool {
 namespace {
@@ -226,6 +227,7 @@ UpReport up_locked(const Target& suite, const UpOptions& options) {
   Bus bus(target.deployment, report.domain);  // before the nodes, so that it does not slow their start
   Start start(target, options, bus);
   const suite::LaunchRequest request{suite.deployment, target.var, suite::suite_bin_folder(), options.cause};
+  if (!running) suite::begin_suite_start(suite.var, suite.deployment);
   // With a ring every node may be started as soon as one runs.
   for (const auto& node : (suite.deployment.ring.enabled ? suite : target).deployment.nodes) {
     if (!suite::find_instance(suite.var, node.name)) suite::count_suite_start(request, node);
@@ -312,7 +314,10 @@ UpReport up(const Target& suite, const UpOptions& options) {
 
 DownReport down(const Target& target, milliseconds patience) {
   const Fd suite_lock = lock_suite(target);
-  return down_locked(target, patience);
+  DownReport report = down_locked(target, patience);
+  if (report.left.empty())
+    suite::end_suite_in_order(target.var);  // not in a restart, which may be the watchdog's
+  return report;
 }
 
 RestartReport restart(const Target& target, milliseconds patience, const UpOptions& options, bool if_up) {

@@ -71,5 +71,49 @@ class CommandPathTest(SystemTest):
             self.assertEqual(flight.ground().command("ping --timeout 20", DEADLINE_S).get("stage"), "completed")
 
 
+class SetAsideTest(SystemTest):
+    """What operators left behind is not used any more when the suite does not become healthy with it."""
+
+    def reset(self, flight):
+        """The power goes and comes again."""
+        watchdog = lambda: flight.control({"query": "counters"})["watchdog"]  # noqa: E731
+        wait_until(lambda: watchdog()["armed"], DEADLINE_S, "the watchdog is armed")
+        bites = watchdog()["bites"]
+        pids = [pid for name in NODES if (pid := flight.node_pid(name))]
+        for number in (signal.SIGSTOP, signal.SIGKILL):
+            for pid in pids:
+                os.kill(pid, number)
+        wait_until(lambda: watchdog()["bites"] == bites + 1, DEADLINE_S, "the watchdog restarts the computer")
+        wait_until(lambda: all(flight.node_pid(name) not in (None, *pids) for name in ("ttc", "maintenance")), DEADLINE_S, "the suite is started anew")
+        wait_until(lambda: {n["state"] for n in flight.status() if n["name"] in ("timing", "ttc", "maintenance")} == {"active"}, DEADLINE_S, "it is Active")
+
+    def test_after_too_many_resets_orders_and_kept_values_are_set_aside_and_come_back_by_telecommand(self):
+        deployment = self.deployment(TIMEOUT, ("  period_ms: 100 ", "  unhealthy_starts: 2\n  period_ms: 100 "))
+        with self.flight(deployment) as flight:
+            ground = flight.ground()
+            complete = lambda text: self.assertEqual(ground.command(f"tc {text}", DEADLINE_S).get("stage"), "completed", text)  # noqa: E731
+            complete("ring.hold node=payload_eps")
+            complete("parameters.set parameter=can_switcher.early_handover value=true")
+            complete("parameters.keep node=can_switcher")
+            hold = flight.var / "state/payload_eps/hold"
+            self.reset(flight)
+            self.assertTrue(hold.exists())
+            since = ground.position()
+            self.reset(flight)
+            self.assertFalse(hold.exists())
+            said = ground.wait_for(lambda m: m["type"] == "event" and m["event"] == "maintenance.orders_set_aside", DEADLINE_S, since)
+            self.assertEqual(said["fields"], {"starts": 2, "what": "can_switcher (kept values), payload_eps (hold)"})
+            wait_until(lambda: flight.node_pid("payload_eps"), DEADLINE_S, "payload_eps is started")
+
+            complete("ring.restore_orders node=payload_eps")
+            self.assertTrue(hold.exists())
+            again = ground.command("tc ring.restore_orders node=payload_eps", DEADLINE_S)
+            self.assertEqual(again.get("name"), "nothing_set_aside", again)
+            refused = ground.command("tc ring.restore_orders node=ttc", DEADLINE_S)
+            self.assertEqual(refused.get("name"), "on_command_path", refused)
+            complete("ring.release node=payload_eps")
+            complete("parameters.restore node=can_switcher generation=1")
+
+
 if __name__ == "__main__":
     unittest.main()

@@ -104,6 +104,7 @@ TEST_F(SuiteCommandsTest, AreRefusedWithArgumentsThatCannotBe) {
 TEST_F(SuiteCommandsTest, NoNodeOfTheCommandPathIsTakenAway) {
   EXPECT_EQ(check(mission::RingHold{.node = "ttc"}), mission::failure::on_command_path);
   EXPECT_EQ(check(mission::RingReleaseInactive{.node = "ttc"}), mission::failure::on_command_path);
+  EXPECT_EQ(check(mission::RingRestoreOrders{.node = "ttc"}), mission::failure::on_command_path);
   EXPECT_EQ(check(mission::RingRelease{.node = "ttc"}), mission::failure::none);
   EXPECT_EQ(check(mission::RingHold{.node = "payload_eps"}), mission::failure::none);
 }
