@@ -62,6 +62,11 @@ TransmitterSwitch StoredState::load_transmitter(MonotonicTime now) const {
   return transmitter;
 }
 
+CommandLossTimer StoredState::load_command_loss(seconds patience, MonotonicTime now) const {
+  const auto stored = read_file(folder_ / "command_loss", 256);
+  return {kernel_boot_id().value_or("unknown"), stored.value_or(""), patience, now};
+}
+
 std::string StoredState::load_stores() const {
   return read_file(folder_ / "stores", 4096).value_or("");
 }

@@ -30,6 +30,7 @@ class StoredState {
   /// @param initial  mode of a deployment that never ran
   [[nodiscard]] ModeManager load_mode(MissionMode initial, bool ran) const;
   [[nodiscard]] TransmitterSwitch load_transmitter(MonotonicTime now) const;
+  [[nodiscard]] CommandLossTimer load_command_loss(seconds patience, MonotonicTime now) const;
   /// Settings of the packet stores, empty when there are none.
   [[nodiscard]] std::string load_stores() const;
   /// Chooses the set of each channel: as it was stored, else one that can be used.

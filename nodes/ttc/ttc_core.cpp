@@ -4,6 +4,7 @@
 #include "nodes/ttc/ttc_core.hpp"
 
 #include <algorithm>
+#include <set>
 
 #include <fmt/format.h>
 
@@ -37,6 +38,7 @@ TtcCore::TtcCore(Setup setup)
       journal_(std::move(setup.journal)),
       mode_(std::move(setup.mode)),
       transmitter_(std::move(setup.transmitter)),
+      command_loss_(std::move(setup.command_loss)),
       hazards_(setup.arm_window),
       key_sets_(key_sets_of(setup.uplink)),
       forwarder_(report_queue_),
@@ -111,6 +113,7 @@ void TtcCore::activate(MonotonicTime now) {
   }
   if (floor_wanted_ == FloorWanted::counters_lost) report_counters(0, "any is taken until the time is valid");
   report_keys_at_start();
+  if (command_loss_.lost() && mode_.mode() != MissionMode::safe) enter_safe_mode();
 }
 
 void TtcCore::flush_journal(MonotonicTime now) {
@@ -125,6 +128,7 @@ void TtcCore::flush_journal(MonotonicTime now) {
 /// of it has said.
 TtcCore::Actions TtcCore::settle(MonotonicTime now) {
   now_ = now;
+  run_command_loss();
   run_schedule();
   persist_journal();
   execute_passed();
@@ -159,6 +163,7 @@ std::optional<MonotonicTime> TtcCore::next_due(MonotonicTime now) const {
   };
   if (transmitter_.may_transmit(now)) sooner(downlink_.next_due(now));
   sooner(transmitter_.next_due(now));
+  sooner(command_loss_.next_due(now));
   sooner(forwarder_.next_due());
   sooner(gate_.next_due());
   sooner(hazards_.next_due());
@@ -194,6 +199,7 @@ void TtcCore::on_line_idle(MonotonicTime now) {
 }
 
 void TtcCore::take_uplinked(std::vector<UplinkedPacket> packets) {
+  if (!packets.empty()) on_contact();
   for (UplinkedPacket& packet : packets) {
     files_.on_contact();
     if (cfdp::is_pdu_packet(packet.packet)) {
@@ -391,6 +397,68 @@ bool TtcCore::release(const ScheduledActivity& activity) {
   return true;
 }
 
+// ---- command loss
+
+void TtcCore::on_contact() {
+  const auto loss = command_loss_.on_contact(now_);
+  if (!loss) return;
+  mission::TtcCommandLossOverEvent event;
+  event.silent_s = as_u32(static_cast<std::uint64_t>(loss->silent / seconds(1)));
+  event.steps = loss->steps;
+  raise(event);
+}
+
+void TtcCore::run_command_loss() {
+  const auto step = command_loss_.take_step(now_);
+  if (!step) {
+    if (command_loss_.take_save(now_)) act(WriteState{"command_loss", command_loss_.stored_text(now_), {}});
+    return;
+  }
+  mission::TtcCommandLossEvent event;
+  event.step = step->what;
+  event.silent_s = as_u32(static_cast<std::uint64_t>(step->silent / seconds(1)));
+  event.number = step->number;
+  event.next_s = as_u32(static_cast<std::uint64_t>(step->until_next / seconds(1)));
+  raise(event);
+  log(LogLine::Level::warn, fmt::format("no telecommand for {} s: step {} of the command-loss timer, {}",
+                                        event.silent_s, step->number, to_text(step->what)));
+  StateChange then;
+  if (step->what == CommandLossStep::safe_mode) enter_safe_mode();
+  if (step->what == CommandLossStep::line) act(ReopenLine{});
+  if (step->what == CommandLossStep::keys) fall_back_keys();
+  if (step->what == CommandLossStep::restart) then = RestartWanted{};
+  act(WriteState{"command_loss", command_loss_.stored_text(now_), then});
+}
+
+void TtcCore::enter_safe_mode() {
+  if (mode_.mode() != MissionMode::safe) hazards_.disarm(mission::DisarmReason::mode_changed);
+  std::string text = mode_.change(MissionMode::safe, "no telecommand came");
+  publish_mode();
+  mission::TtcModeChangedEvent event;
+  event.mode = mode_.mode();
+  event.reason = mode_.reason();
+  raise(event);
+  act(WriteState{"mode", std::move(text), {}});
+}
+
+/// Each channel that has two sets takes the other one; the contingency association works with either.
+void TtcCore::fall_back_keys() {
+  std::set<std::uint8_t> with_a;
+  std::set<std::uint8_t> with_both;
+  for (const auto& [vc, set] : key_sets_) {
+    if (set == KeySet::a) with_a.insert(vc);
+  }
+  for (const auto& [vc, set] : key_sets_) {
+    if (set == KeySet::b && with_a.contains(vc)) with_both.insert(vc);
+  }
+  for (const std::uint8_t vc : with_both) {
+    KeySet& selected = key_selection_.sets[vc];
+    selected = selected == KeySet::a ? KeySet::b : KeySet::a;
+    ++key_selection_.generation;
+    act(WriteKeys{key_selection_, {.origin = {}, .vc = vc, .set = selected, .commanded = false}});
+  }
+}
+
 // ---- services that need something done
 
 void TtcCore::serve_files() {
@@ -470,6 +538,7 @@ void TtcCore::on_state_written(const StateChange& change, bool stored) {
   if (const auto* stores = std::get_if<StoreChange>(&change)) stores_.change_stored(*stores, stored);
   if (std::holds_alternative<SilenceOver>(change) && !stored)
     log(LogLine::Level::error, "the silence that is over is still on disk");
+  if (std::holds_alternative<RestartWanted>(change)) act(RestartComputer{});
 }
 
 void TtcCore::publish_mode() {
@@ -499,8 +568,9 @@ void TtcCore::store_key_change() {
 void TtcCore::on_keys_written(const KeyChange& change, bool stored, MonotonicTime now) {
   now_ = now;
   uplink_.select(change.vc, change.set);
-  key_service_.on_stored(change, stored);
-  report_keys(change.vc, change.set, stored ? "commanded" : "commanded, not stored");
+  if (change.commanded) key_service_.on_stored(change, stored);
+  const std::string why = change.commanded ? "commanded" : "no telecommand came with the others";
+  report_keys(change.vc, change.set, stored ? why : why + ", not stored");
 }
 
 void TtcCore::store_transmitter_change() {

@@ -32,6 +32,7 @@
 #include "nodes/ttc/link/uplink_chain.hpp"
 #include "nodes/ttc/report/beacon_builder.hpp"
 #include "nodes/ttc/report/event_reporter.hpp"
+#include "nodes/ttc/services/command_loss_timer.hpp"
 #include "nodes/ttc/services/connection_tester.hpp"
 #include "nodes/ttc/services/housekeeping_scheduler.hpp"
 #include "nodes/ttc/services/own_functions.hpp"
@@ -52,8 +53,11 @@ struct WriteJournal {
 };
 /// A commanded silence is over; its record would make the next boot silent.
 struct SilenceOver {};
+/// The computer is restarted once its record is on disk: it must not be restarted for the same step again.
+struct RestartWanted {};
 /// What a telecommand has changed, or what nobody waits for.
-using StateChange = std::variant<std::monostate, ModeChange, TransmitterChange, StoreChange, SilenceOver>;
+using StateChange =
+    std::variant<std::monostate, ModeChange, TransmitterChange, StoreChange, SilenceOver, RestartWanted>;
 /// A small file of the node's state. Answer: on_state_written().
 struct WriteState {
   std::string name;
@@ -123,6 +127,10 @@ struct ServeImaging {
 struct ServeImages {
   ImagingOrder order;
 };
+/// Close the line and open it anew.
+struct ReopenLine {};
+/// Starve the watchdog.
+struct RestartComputer {};
 /// A 1,1 or 1,2 is in the downlink's queue. Answer: on_acceptance_sent().
 struct AcceptanceSent {
   MonotonicTime received;  ///< when the last octet of its telecommand was read
@@ -133,10 +141,10 @@ struct LogLine {
   std::string text;
 };
 
-using TtcAction =
-    std::variant<WriteJournal, WriteState, WriteKeys, CopyLinkState, ForgetWantedFloor, CommitStores,
-                 ReadStore, PublishTelecommand, PublishMode, RaiseEvent, TestConnection, CallParameter,
-                 ServeFile, TakeFilesTurn, ServeImaging, ServeImages, AcceptanceSent, LogLine>;
+using TtcAction = std::variant<WriteJournal, WriteState, WriteKeys, CopyLinkState, ForgetWantedFloor,
+                               CommitStores, ReadStore, PublishTelecommand, PublishMode, RaiseEvent,
+                               TestConnection, CallParameter, ServeFile, TakeFilesTurn, ServeImaging,
+                               ServeImages, ReopenLine, RestartComputer, AcceptanceSent, LogLine>;
 
 /// Why the counters of the uplink get a floor as soon as the time is valid.
 enum class FloorWanted : std::uint8_t { no, first_start, counters_lost };
@@ -181,6 +189,7 @@ class TtcCore {
     DownlinkConfig downlink;
     ModeManager mode;
     TransmitterSwitch transmitter;
+    CommandLossTimer command_loss;
     std::string stores;  ///< StoreControl::stored_text()
     KeySelection keys;
     BootTold boot;
@@ -273,6 +282,7 @@ class TtcCore {
   [[nodiscard]] HousekeepingScheduler& housekeeping() { return housekeeping_; }
   [[nodiscard]] EventReporter& events() { return events_; }
   void set_repeat_window(milliseconds window) { journal_.set_repeat_window(window); }
+  void set_command_loss(seconds patience) { command_loss_.set_patience(patience); }
 
   // ---- periodic
   void commit_stores(bool line_empty, MonotonicTime now);
@@ -341,6 +351,11 @@ class TtcCore {
   /// @return false: no room for it now
   bool release(const ScheduledActivity& activity);
   void fill_next_scheduled(BeaconInputs& inputs) const;
+  // Command loss
+  void on_contact();
+  void run_command_loss();
+  void enter_safe_mode();
+  void fall_back_keys();
   // Services
   void serve_files();
   void ask_nodes();
@@ -392,6 +407,7 @@ class TtcCore {
   ReportQueue report_queue_;
   ModeManager mode_;
   TransmitterSwitch transmitter_;
+  CommandLossTimer command_loss_;
   HazardGuard hazards_;
   AvailableKeySets key_sets_;
   CommandForwarder forwarder_;

@@ -214,6 +214,34 @@ void TtcNode::carry_out(const CallParameter& action) {
   });
 }
 
+void TtcNode::carry_out(const ReopenLine& /*action*/) {
+  line_watch_.reset();
+  line_.reset();  // only one may have it open
+  outgoing_.clear();
+  auto line =
+      hw::open_serial(device("rs422"), static_cast<std::uint32_t>(deployment().link.baud), var().root);
+  if (!line) throw std::runtime_error(line.error().message);  // run_node brings the node up again
+  line_ = std::move(*line);
+  watch_line();
+}
+
+/// Without timing the watchdog is not fed, and no order outlives its reset.
+void TtcNode::carry_out(const RestartComputer& /*action*/) {
+  constexpr milliseconds patience{10'000};
+  constexpr int attempts = 3;
+  if (!restart_client_)
+    restart_client_ = create_client<lifecycle_msgs::srv::ChangeState>("/timing/change_state");
+  lifecycle_msgs::srv::ChangeState::Request request;
+  request.transition.id = lifecycle_msgs::msg::Transition::TRANSITION_DEACTIVATE;
+  restart_client_->call(request, patience, attempts, [](const auto& answer) {
+    if (answer && answer->success) {
+      log::warn("timing is inactive, so the watchdog restarts the computer");
+    } else {
+      log::error("timing does not deactivate: the computer is not restarted now, the next try is in a day");
+    }
+  });
+}
+
 void TtcNode::carry_out(const AcceptanceSent& action) {
   core_->on_acceptance_sent(monotonic_now() - action.received);
 }

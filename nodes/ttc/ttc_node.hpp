@@ -9,6 +9,7 @@
 #include <vector>
 
 #include <lifecycle_msgs/msg/transition_event.hpp>
+#include <lifecycle_msgs/srv/change_state.hpp>
 #include <lifecycle_msgs/srv/get_state.hpp>
 #include <rcl_interfaces/srv/get_parameters.hpp>
 #include <rcl_interfaces/srv/set_parameters.hpp>
@@ -49,6 +50,7 @@ class TtcNode : public suite::Node {
   void subscribe();
   [[nodiscard]] std::vector<std::shared_ptr<void>> listen_to(const std::string& node);
   void start_periods();
+  void watch_line();
 
   // Inputs and outputs
   /// Carries out what the inputs so far have caused, then sends.
@@ -75,6 +77,8 @@ class TtcNode : public suite::Node {
   void carry_out(const RaiseEvent& action);
   void carry_out(const TestConnection& action);
   void carry_out(const CallParameter& action);
+  void carry_out(const ReopenLine& action);
+  void carry_out(const RestartComputer& action);
   void carry_out(const AcceptanceSent& action);
   void carry_out(const LogLine& action);
 
@@ -107,6 +111,7 @@ class TtcNode : public suite::Node {
   std::map<std::string, std::shared_ptr<ros::Client<lifecycle_msgs::srv::GetState>>> connection_clients_;
   std::map<std::string, std::shared_ptr<ros::Client<rcl_interfaces::srv::GetParameters>>> get_clients_;
   std::map<std::string, std::shared_ptr<ros::Client<rcl_interfaces::srv::SetParameters>>> set_clients_;
+  std::shared_ptr<ros::Client<lifecycle_msgs::srv::ChangeState>> restart_client_;
   std::vector<std::string> answered_;  ///< nodes whose client has done its work
   std::vector<ros::Timer> timers_;
   ros::Timer housekeeping_timer_;

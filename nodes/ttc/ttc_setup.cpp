@@ -208,6 +208,8 @@ TtcNode::TtcNode(suite::NodeContext& context) : Node(context), added_(list_of(de
                     "How long a hazardous telecommand stays armed", true);
   declare_parameter("repeat_window_ms", std::int64_t{60000}, ros::ParameterRange{0, 86'400'000},
                     "The same packet on a secured channel within this time is a repeat");
+  declare_parameter("command_loss_s", std::int64_t{259'200}, ros::ParameterRange{4, 2'592'000},
+                    "Time without an authenticated telecommand after which the command-loss timer acts");
   declare_parameter("schedule_late_max_ms", std::int64_t{60000}, ros::ParameterRange{1000, 86'400'000},
                     "A scheduled activity that is later than this is dropped", true);
   declare_parameter("uplink_quota_mib", std::int64_t{256}, ros::ParameterRange{1, 1024},
@@ -217,6 +219,10 @@ TtcNode::TtcNode(suite::NodeContext& context) : Node(context), added_(list_of(de
   on_parameter_change([this](const std::string& parameter) {
     if (parameter == "repeat_window_ms" && core_)
       core_->set_repeat_window(milliseconds(get_parameter<std::int64_t>(parameter)));
+    if (parameter == "command_loss_s" && core_) {
+      core_->set_command_loss(seconds(get_parameter<std::int64_t>(parameter)));
+      advance();  // the next step may be due sooner
+    }
     if ((parameter == "beacon_period_ms" || parameter == "housekeeping_period_ms") && is_active())
       start_periods();
   });
@@ -238,6 +244,8 @@ TtcCore::Setup TtcNode::read_setup(StoredState& state, const FrameCountFile& fra
       .downlink = downlink,
       .mode = state.load_mode(initial, ran),
       .transmitter = state.load_transmitter(monotonic_now()),
+      .command_loss =
+          state.load_command_loss(seconds(get_parameter<std::int64_t>("command_loss_s")), monotonic_now()),
       .stores = state.load_stores(),
       .keys = std::move(keys),
       .boot = load_boot(var()),
@@ -340,6 +348,16 @@ std::vector<std::shared_ptr<void>> TtcNode::listen_to(const std::string& node) {
                               })};
 }
 
+void TtcNode::watch_line() {
+  line_watch_ = watch_fd(
+      line_->fd(), EPOLLIN,
+      [this](std::uint32_t) {
+        read_line();
+        advance();
+      },
+      "rs422");
+}
+
 void TtcNode::start_periods() {
   housekeeping_timer_ = create_timer(
       milliseconds(get_parameter<std::int64_t>("housekeeping_period_ms")),
@@ -352,13 +370,7 @@ ros::CallbackReturn TtcNode::on_activate() {
   added_.report_refused();
   added_.report_problems(deployment().added_problems);
   raise_added_events();
-  line_watch_ = watch_fd(
-      line_->fd(), EPOLLIN,
-      [this](std::uint32_t) {
-        read_line();
-        advance();
-      },
-      "rs422");
+  watch_line();
   const auto every = [this](nanoseconds period, std::string_view what, auto work) {
     const auto run_it = [this, work] {
       work();
@@ -407,6 +419,7 @@ ros::CallbackReturn TtcNode::on_cleanup() {
   connection_clients_.clear();
   get_clients_.clear();
   set_clients_.clear();
+  restart_client_.reset();
   // Nothing that was accepted or collected is lost by an orderly end.
   if (disk_) {
     disk_->drain_journal();

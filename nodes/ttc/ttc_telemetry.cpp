@@ -557,6 +557,7 @@ void TtcCore::send_beacon(std::uint8_t farm_channel, MonotonicTime now) {
   const wire::FarmState& farm = uplink_.farm(farm_channel);
   in.farm_vr = farm.vr;
   in.farm_lockout = farm.lockout;
+  in.command_loss_s = as_u32(static_cast<std::uint64_t>(command_loss_.until_next(now) / seconds(1)));
   schedule_.on_time(clock_.tai_at(now), clock_.valid());
   fill_next_scheduled(in);
   using mission::Beacon;

@@ -157,7 +157,7 @@ Octets BeaconBuilder::build(const BeaconInputs& inputs, MonotonicTime now) const
   beacon.sdls_counter = inputs.sdls_counter;
   beacon.farm_vr = inputs.farm_vr;
   beacon.farm_lockout = inputs.farm_lockout;
-  beacon.command_loss_s = UINT32_MAX;  // no such timer runs
+  beacon.command_loss_s = inputs.command_loss_s;
   beacon.can_errors = can_errors_;
   beacon.next_scheduled_function = inputs.next_scheduled_function;
   beacon.next_scheduled_in_s = inputs.next_scheduled_in_s.value_or(UINT32_MAX);

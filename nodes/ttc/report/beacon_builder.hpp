@@ -47,6 +47,7 @@ struct BeaconInputs {
   std::array<std::uint64_t, 2> sdls_counter{};  ///< BD, AD
   std::uint8_t farm_vr = 0;
   bool farm_lockout = false;
+  std::uint32_t command_loss_s = UINT32_MAX;         ///< until the next step of its timer
   std::uint16_t next_scheduled_function = 0;         ///< 0: none, or no function
   std::optional<std::uint32_t> next_scheduled_in_s;  ///< nullopt: none, or the time is not valid
 };

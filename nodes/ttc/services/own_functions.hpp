@@ -65,6 +65,7 @@ struct KeyChange {
   TelecommandOrigin origin;
   std::uint8_t vc = 0;
   KeySet set = KeySet::a;
+  bool commanded = true;  ///< else by the command-loss timer: nobody waits for it
 };
 
 /// ttc.select_keys.

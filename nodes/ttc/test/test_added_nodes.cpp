@@ -33,6 +33,7 @@ class AddedNodesOfTtc : public testing::Test {
                        .downlink = {},
                        .mode = ModeManager(StoredModeState::first_start, "", MissionMode::safe),
                        .transmitter = TransmitterSwitch("boot", "", {}),
+                       .command_loss = CommandLossTimer("boot", "", seconds(259'200), {}),
                        .stores = "",
                        .keys = {},
                        .boot = {},

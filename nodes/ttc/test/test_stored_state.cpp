@@ -23,6 +23,7 @@ class StoredStates : public testing::Test {
                          .downlink = {},
                          .mode = state_->load_mode(MissionMode::nominal, ran),
                          .transmitter = state_->load_transmitter({}),
+                         .command_loss = state_->load_command_loss(seconds(259'200), {}),
                          .stores = state_->load_stores(),
                          .keys = {},
                          .boot = {},

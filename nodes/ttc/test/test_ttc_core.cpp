@@ -112,6 +112,7 @@ class World {
         .mode = ModeManager(mode_.empty() ? StoredModeState::first_start : StoredModeState::present, mode_,
                             MissionMode::nominal),
         .transmitter = TransmitterSwitch("boot", "", now_),
+        .command_loss = CommandLossTimer("boot", "", seconds(259'200), now_),
         .stores = "",
         .keys = {},
         .boot = {.count = 1},
@@ -337,6 +338,116 @@ TEST(TtcCoreProperties, WithADiskThatFailsNowAndThenNothingIsStuckAndNothingRuns
       EXPECT_EQ(ids.size(), 1U) << "packet " << sequence << " was executed more than once";
     if (HasFailure()) return;
   }
+}
+
+/// A core that no telecommand reaches, with two sets of keys.
+class CommandLoss : public testing::Test {
+ protected:
+  static constexpr seconds patience{86'400};
+  static constexpr seconds step{3600};
+
+  CommandLoss() {
+    UplinkConfig uplink;
+    uplink.spacecraft_id = spacecraft;
+    uplink.cltu.randomized = false;
+    uplink.channels.push_back(UplinkChannel{.vc = channel, .associations = {}});
+    std::uint16_t spi = 0;
+    for (const KeySet set : {KeySet::a, KeySet::b}) {
+      auto key = wire::SdlsKey::from_hex(std::string(63, '1') + std::to_string(++spi));
+      EXPECT_TRUE(key);
+      uplink.channels.back().associations.push_back(
+          UplinkAssociation{.spi = spi, .key = std::move(*key), .for_ad = true, .for_bd = true, .set = set});
+    }
+    AcceptanceJournal journal("boot", seconds(60));
+    journal.begin({}, 1, now_);
+    core_.emplace(TtcCore::Setup{.dictionary = dictionary_,
+                                 .node = "ttc",
+                                 .journal = std::move(journal),
+                                 .uplink = std::move(uplink),
+                                 .downlink = downlink_config(),
+                                 .mode = ModeManager(StoredModeState::first_start, "", MissionMode::nominal),
+                                 .transmitter = TransmitterSwitch("boot", "", now_),
+                                 .command_loss = CommandLossTimer("boot", "", patience, now_),
+                                 .stores = "",
+                                 .keys = {},
+                                 .boot = {.count = 1},
+                                 .clock = SpacecraftClock(UtcTime(seconds(1'795'000'000)), now_)});
+    core_->activate(now_);
+    (void)core_->settle(now_);
+  }
+
+  TtcCore::Actions after(nanoseconds time) {
+    now_ = now_ + time;
+    return core_->settle(now_);
+  }
+  template <class Action>
+  static const Action* find(const TtcCore::Actions& actions) {
+    for (const TtcAction& action : actions) {
+      if (const auto* found = std::get_if<Action>(&action)) return found;
+    }
+    return nullptr;
+  }
+  static std::vector<std::uint16_t> events(const TtcCore::Actions& actions) {
+    std::vector<std::uint16_t> ids;
+    for (const TtcAction& action : actions) {
+      if (const auto* event = std::get_if<RaiseEvent>(&action)) ids.push_back(event->event_id);
+    }
+    return ids;
+  }
+  static const WriteState* stored(const TtcCore::Actions& actions) {
+    for (const TtcAction& action : actions) {
+      const auto* state = std::get_if<WriteState>(&action);
+      if (state != nullptr && state->name == "command_loss") return state;
+    }
+    return nullptr;
+  }
+
+  const mission::Dictionary dictionary_ =
+      mission::Dictionary::load(std::string(SRFS_SOURCE_DIR) + "/mission");
+  MonotonicTime now_{seconds(100)};
+  std::optional<TtcCore> core_;
+};
+
+TEST_F(CommandLoss, LeadsToModeSafeThenToTheLineTheKeysAndARestartOfTheComputer) {
+  (void)after(patience - seconds(1));
+  const auto safe = after(seconds(1));
+  EXPECT_EQ(events(safe), (std::vector{mission::event::ttc_command_loss, mission::event::ttc_mode_changed}));
+  ASSERT_NE(find<PublishMode>(safe), nullptr);
+  EXPECT_EQ(find<PublishMode>(safe)->mode, MissionMode::safe);
+  EXPECT_NE(stored(safe), nullptr);
+
+  const auto line = after(step);
+  EXPECT_NE(find<ReopenLine>(line), nullptr);
+  EXPECT_NE(stored(line), nullptr);
+
+  const auto keys = after(step);
+  const auto* selection = find<WriteKeys>(keys);
+  ASSERT_NE(selection, nullptr);
+  EXPECT_EQ(selection->change.vc, channel);
+  EXPECT_EQ(selection->change.set, KeySet::b);
+  core_->on_keys_written(selection->change, true, now_);
+  EXPECT_EQ(core_->journal().open(), 0U) << "nobody waits for an end";
+
+  const auto restart = after(step);
+  EXPECT_EQ(find<RestartComputer>(restart), nullptr) << "not before its record is on disk";
+  const auto* record = stored(restart);
+  ASSERT_NE(record, nullptr);
+  core_->on_state_written(record->change, true);
+  const auto then = after(nanoseconds(0));
+  EXPECT_NE(find<RestartComputer>(then), nullptr);
+
+  (void)after(std::chrono::hours(22));
+  const auto again = after(step);
+  ASSERT_NE(find<WriteKeys>(again), nullptr);
+  EXPECT_EQ(find<WriteKeys>(again)->change.set, KeySet::a) << "in turn";
+}
+
+TEST_F(CommandLoss, IsSavedAndSaysWhenItActsNext) {
+  const auto saved = after(seconds(5));
+  ASSERT_NE(stored(saved), nullptr);
+  EXPECT_LE(core_->next_due(now_).value_or(now_ + std::chrono::hours(1)), now_ + seconds(60));
+  const CommandLossTimer next("other boot", stored(saved)->text, patience, MonotonicTime{});
+  EXPECT_EQ(next.until_next({}), nanoseconds(patience - seconds(5)));
 }
 
 }  // namespace
