@@ -18,11 +18,12 @@ from srfs.report import show_checks
 def parse():
     parser = argparse.ArgumentParser(prog="./run campaign", description="Long runs of the real processes under faults. "
                                      "Exit code 0 only if every invariant held.")  # fmt: skip
-    parser.add_argument("name", nargs="?", default="faults", choices=("faults", "fencing", "updates", "overload"),
+    parser.add_argument("name", nargs="?", default="faults", choices=("faults", "fencing", "updates", "overload", "commandability"),
                         help="faults (default): every class of failure in every node, healed by the ring; "
                         "fencing: processes are stopped and killed at random points of their CAN slots; "
                         "updates: packages of sources in a row, a third of them bad, with processes killed; "
-                        "overload: beside programs that take the CPUs: who waits for one is not dead, who is dead is found")  # fmt: skip
+                        "overload: beside programs that take the CPUs: who waits for one is not dead, who is dead is found; "
+                        "commandability: every telecommand, parameter and lifecycle order: the satellite can still be commanded")  # fmt: skip
     parser.add_argument("--seed", type=int, metavar="S", help="of the faults (default: a random one, which is printed)")
     program.add_run_options(parser, "campaign", "sim for faults, fencing for fencing")
     ring = parser.add_argument_group("faults")
@@ -49,6 +50,8 @@ def parse():
     busy.add_argument("--sim", type=float, default=0, metavar="S", help="seconds of ./run sim beside the load: restarts (default: %(default)s)")
     busy.add_argument("--demos", type=int, default=0, metavar="N", help="runs of the demo beside the load (default: %(default)s)")
     busy.add_argument("--heavy-demos", type=int, default=0, metavar="N", help="the same beside a heavier load (default: %(default)s)")
+    orders = parser.add_argument_group("commandability")
+    orders.add_argument("--only", metavar="TEXT[,TEXT]", help="only orders whose kind or text has one of these in it")
     options = parser.parse_args()
     known = {c.name: c for c in faults.CLASSES}
     wanted = {None: list(known), "all": list(known), "none": []}.get(options.classes, (options.classes or "").split(","))
@@ -176,7 +179,34 @@ def run_updates(options, out, seed, signals, say):
     return campaign.judge(), lambda: None
 
 
-RUNS = {"faults": (run_faults, faults.show), "fencing": (run_fencing, show_fencing), "updates": (run_updates, updates.show), "overload": (run_overload, faults.show)}
+def run_commandability(options, out, seed, signals, say):
+    from srfs.campaign import commandability  # which needs the reader of the dictionary, msgs/generator
+
+    wanted = options.only.split(",") if options.only else [""]
+    orders = [order for order in commandability.all_orders() if any(text in f"{order.kind} {order.name}" for text in wanted)]
+    random.Random(seed).shuffle(orders)
+    say(f"{len(orders)} orders, seed {seed}")
+    shutil.rmtree(options.var or out / "var", ignore_errors=True)
+    deployment = options.deployment or deployments.copy(deployments.FOLDER / "sim.yaml", out / "deployment.yaml", [commandability.LIMIT])
+    with commandability.Trials(options.var or out / "var", deployment, options.bin, say) as trials:
+        trials.give_all(orders, lambda: signals.wait(0))
+    trials.write(out)
+    return trials.judge(), lambda: None
+
+
+def show_commandability(summary):
+    for kind, count in summary["kinds"].items():
+        print(f"  {count:5} {kind}")
+    for result in summary["deaf"]:
+        print(f"  DEAF  {result['kind']} {result['order']}: {'; '.join(result['said'])}")
+    if summary["not_sent"]:
+        print(f"  {summary['not_sent']} lines were refused by the ground tool and not sent: their orders are not tested")
+    print(f"  {summary['orders'] - len(summary['deaf'])} of {summary['orders']} orders leave the satellite commandable within {summary['limit_s']} s "
+          f"(slowest: {summary['slowest_s']} s)")  # fmt: skip
+
+
+RUNS = {"faults": (run_faults, faults.show), "fencing": (run_fencing, show_fencing), "updates": (run_updates, updates.show), "overload": (run_overload, faults.show),
+        "commandability": (run_commandability, show_commandability)}  # fmt: skip
 
 
 def main():
