@@ -38,7 +38,7 @@ function(srfs_write_node_build output)
     list(APPEND flags ${SRFS_HARDENING_COMPILE} ${SRFS_FORTIFY} ${SRFS_HARDENING_LINK})  # the linker's mean nothing to the compiler
   endif()
   get_property(libraries GLOBAL PROPERTY SRFS_LIBRARIES)
-  list(REMOVE_ITEM libraries srfs_msgs srfs_node srfs_camera srfs_fits srfs_hw_sim)
+  list(REMOVE_ITEM libraries srfs_msgs srfs_node srfs_camera srfs_hw_sim)
   list(APPEND libraries fastrtps fastcdr fmt yaml-cpp crypto)
   foreach(list flags libraries ARG_INCLUDE ARG_READABLE)
     list(JOIN ${list} "\", \"" joined)
@@ -80,7 +80,7 @@ function(srfs_install_package)
     ${PROJECT_SOURCE_DIR}/cmake/SrfsMission.cmake ${PROJECT_SOURCE_DIR}/cmake/simulator_main.cpp.in
     DESTINATION ${SRFS_INSTALL_CMAKE})
 
-  set(headers FILES_MATCHING PATTERN "*.hpp" PATTERN test EXCLUDE PATTERN catalogue EXCLUDE)
+  set(headers FILES_MATCHING PATTERN "*.hpp" PATTERN test EXCLUDE PATTERN catalogue EXCLUDE PATTERN photograph EXCLUDE)
   install(DIRECTORY lib/ DESTINATION ${SRFS_INSTALL_HEADERS} ${headers})
   install(DIRECTORY nodes/payload DESTINATION ${SRFS_INSTALL_HEADERS}/nodes ${headers})
   install(DIRECTORY hw_sim DESTINATION ${SRFS_INSTALL_HEADERS} ${headers})

@@ -18,13 +18,6 @@ std::string plain(const std::string& text) {
   return out;
 }
 
-/// FITS has UTC without a letter behind it.
-std::string fits_date(UtcTime time) {
-  std::string text = to_iso8601(time, 6);
-  if (text.ends_with('Z')) text.pop_back();
-  return text;
-}
-
 }  // namespace
 
 std::vector<image::FitsCard> frame_header(const hw::CameraFrame& frame, const FrameFacts& facts) {
@@ -38,7 +31,7 @@ std::vector<image::FitsCard> frame_header(const hw::CameraFrame& frame, const Fr
   cards.push_back({"FRAME", std::int64_t{facts.number}, "number in the task, from 1"});
   if (facts.begin) {
     cards.push_back({"TIMESYS", std::string("UTC"), ""});
-    cards.push_back({"DATE-OBS", fits_date(*facts.begin), "start of the exposure"});
+    cards.push_back({"DATE-OBS", image::fits_date(*facts.begin), "start of the exposure"});
   }
   cards.push_back({"EXPTIME", std::chrono::duration<double>(frame.settings.exposure).count(), "s"});
   cards.push_back({"GAIN", frame.settings.gain_db, "dB"});

@@ -8,7 +8,7 @@
 #include <vector>
 
 #include "hw/camera/camera.hpp"
-#include "image/fits_writer.hpp"
+#include "image/file/fits.hpp"
 
 namespace srfs {
 

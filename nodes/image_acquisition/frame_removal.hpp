@@ -9,7 +9,7 @@
 
 namespace srfs {
 
-/// What is known of a stored frame, in the order in which frames make room (lib/image/frame_mark.hpp).
+/// What is known of a stored frame, in the order in which frames make room (lib/image/file/frame_mark.hpp).
 enum class FrameStanding : std::uint8_t {
   sent,      ///< its detections, or all of it, are on the ground
   nothing,   ///< processed, nothing found

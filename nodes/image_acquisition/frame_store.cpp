@@ -7,7 +7,7 @@
 
 #include <fmt/format.h>
 
-#include "image/frame_mark.hpp"
+#include "image/file/frame_mark.hpp"
 
 namespace srfs {
 namespace {

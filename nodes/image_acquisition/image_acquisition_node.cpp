@@ -13,7 +13,7 @@
 #include <malloc.h>
 
 #include "base/saturate.hpp"
-#include "image/fits_writer.hpp"
+#include "image/file/fits.hpp"
 #include "msgs/mission/dictionary.hpp"
 
 namespace srfs {

@@ -7,7 +7,7 @@
 #include <string>
 #include <vector>
 
-#include "image/findings_json.hpp"
+#include "image/product/findings_json.hpp"
 
 namespace srfs {
 

@@ -11,9 +11,10 @@
 #include <mission/structures.hpp>
 
 #include "base/saturate.hpp"
-#include "image/frame_file.hpp"
-#include "image/frame_mark.hpp"
-#include "image/frame_strips.hpp"
+#include "image/file/frame_file.hpp"
+#include "image/file/frame_mark.hpp"
+#include "image/product/frame_strips.hpp"
+#include "image/product/png.hpp"
 
 namespace srfs {
 namespace {

@@ -10,7 +10,7 @@
 #include <string>
 #include <vector>
 
-#include "image/star_list.hpp"
+#include "image/product/star_list.hpp"
 #include "nodes/image_processing/cut_outs.hpp"
 #include "nodes/image_processing/findings_report.hpp"
 #include "nodes/image_processing/product_store.hpp"

@@ -9,7 +9,7 @@
 #include <string_view>
 #include <vector>
 
-#include "image/frame_mark.hpp"
+#include "image/file/frame_mark.hpp"
 #include "image/method.hpp"
 
 namespace srfs {

@@ -18,10 +18,11 @@
 #include <CLI/CLI.hpp>
 
 #include "base/version.hpp"
-#include "image/drawing.hpp"
-#include "image/findings_json.hpp"
-#include "image/frame_file.hpp"
+#include "image/file/frame_file.hpp"
 #include "image/method.hpp"
+#include "image/photograph/drawing.hpp"
+#include "image/photograph/photograph.hpp"
+#include "image/product/findings_json.hpp"
 
 namespace {
 
@@ -204,7 +205,7 @@ int run(const Options& options) {
   Report report;
   std::vector<FrameFindings> drawn;  // where something is to be drawn
   for (const std::string& file : options.files) {
-    const auto frame = read_frame(file);
+    const auto frame = read_frame(file, decode_photograph);
     if (!frame) return refuse(frame.error(), file_refused);
     const auto begin = std::chrono::steady_clock::now();
     const double cpu_before_ms = cpu_ms();
@@ -229,7 +230,8 @@ int run(const Options& options) {
   add(report, sequence);
   print(report, options);
   if (options.drawing.empty()) return done;
-  const auto frame = read_frame(options.files[static_cast<std::size_t>(sequence.reference)]);
+  const auto frame =
+      read_frame(options.files[static_cast<std::size_t>(sequence.reference)], decode_photograph);
   if (!frame) return refuse(frame.error(), file_refused);
   const auto written =
       write_png(options.drawing, draw(frame->pixels, overlay_of(drawn, sequence), options.drawing_width));

@@ -1,7 +1,7 @@
 // SPDX-FileCopyrightText: 2026 SRFS contributors
 // SPDX-License-Identifier: Apache-2.0
 // srfs-product: turns products of image_processing that came down into what other programs read: strips into
-// FITS and PNG, lists of stars into CSV.
+// FITS and PNG, lists of stars into CSV; and pictures into FITS that the spacecraft reads.
 
 #include <algorithm>
 #include <cstdio>
@@ -15,10 +15,11 @@
 #include "base/file.hpp"
 #include "base/time.hpp"
 #include "base/version.hpp"
-#include "image/frame_file.hpp"
-#include "image/frame_strips.hpp"
+#include "image/file/frame_file.hpp"
+#include "image/photograph/photograph.hpp"
 #include "image/picture.hpp"
-#include "image/star_list.hpp"
+#include "image/product/frame_strips.hpp"
+#include "image/product/star_list.hpp"
 
 namespace {
 
@@ -66,6 +67,17 @@ int print_stars(const std::vector<ListedStar>& stars) {
   return whole;
 }
 
+int write_frame(const Options& options, const Frame& frame) {
+  if (!options.fits.empty()) {
+    if (const auto written = write_fits(options.fits, frame); !written) return refuse(written.error().reason);
+  }
+  if (!options.png.empty()) {
+    const auto written = write_png(options.png, thumbnail(frame.pixels, picture_width_most));
+    if (!written) return refuse(written.error().reason);
+  }
+  return whole;
+}
+
 int unpack_strips(const Options& options, OctetView content) {
   const auto found = decode_strips(content);
   if (!found) return refuse(options.file + ": " + found.error().reason);
@@ -77,25 +89,24 @@ int unpack_strips(const Options& options, OctetView content) {
   if (!found->missing.empty())
     fmt::print("missing: {} strips ({}), {} of them damaged; their pixels are 0\n", found->missing.size(),
                ranges(found->missing), std::min<std::size_t>(found->damaged, found->missing.size()));
-  if (!options.fits.empty()) {
-    if (const auto written = write_fits(options.fits, found->frame); !written)
-      return refuse(written.error().reason);
-  }
-  if (!options.png.empty()) {
-    const auto written = write_png(options.png, thumbnail(pixels, picture_width_most));
-    if (!written) return refuse(written.error().reason);
-  }
+  if (const int problem = write_frame(options, found->frame); problem != whole) return problem;
   return found->missing.empty() ? whole : incomplete;
 }
 
+int convert(const Options& options, OctetView content) {
+  const auto frame = decode_photograph(content);
+  if (!frame) return refuse(options.file + ": " + frame.error().reason);
+  fmt::print("{}: {} x {}\n", options.file, frame->pixels.width(), frame->pixels.height());
+  return write_frame(options, in_16_bits(*frame));
+}
+
 int pack_frame(const Options& options) {
-  const auto frame = read_frame(options.frame);
+  const auto frame = read_frame(options.frame, decode_photograph);
   if (!frame) return refuse(frame.error().reason);
   const auto strips = encode_strips(*frame);
   if (!strips) return refuse(options.frame + ": " + strips.error().reason);
-  const auto written = write_file_atomically(
-      options.file, std::string_view(reinterpret_cast<const char*>(strips->data()), strips->size()));
-  return written ? whole : refuse(written.error().message);
+  const auto written = write_octets(options.file, *strips);
+  return written ? whole : refuse(written.error().reason);
 }
 
 int run(const Options& options) {
@@ -105,6 +116,7 @@ int run(const Options& options) {
   if (const auto stars = decode_star_list(octets_of(*content))) return print_stars(*stars);
   if (content->starts_with("SRFSTARS"))
     return refuse(options.file + ": " + decode_star_list(octets_of(*content)).error().reason);
+  if (is_photograph(octets_of(*content))) return convert(options, octets_of(*content));
   return unpack_strips(options, octets_of(*content));
 }
 
@@ -113,9 +125,11 @@ int run(const Options& options) {
 int main(int argc, char** argv) {
   CLI::App app{
       "Converts products of image_processing into files for other programs: a frame in strips (*.strips) "
-      "into FITS and PNG, a list of stars (stars.bin) into CSV on standard output. Lists missing strips."};
+      "into FITS and PNG, a list of stars (stars.bin) into CSV on standard output. Lists missing strips. "
+      "Also "
+      "makes FITS that the spacecraft reads of other FITS, TIFF, PNG and JPEG."};
   Options options;
-  app.add_option("FILE", options.file, "Product: strips or a list of stars")->required();
+  app.add_option("FILE", options.file, "Product (strips or a list of stars), or a picture")->required();
   app.add_option("--out", options.fits, "Write the frame as 16-bit FITS");
   app.add_option("--png", options.png, "Write the frame as PNG, stretched for viewing");
   app.add_option("--pack", options.frame,

@@ -17,7 +17,7 @@
 #include <nlohmann/json.hpp>
 
 #include "hw_sim/sky_frame.hpp"
-#include "image/frame_file.hpp"
+#include "image/file/frame_file.hpp"
 #include "image/star_catalogue.hpp"
 #include "tests/bench/lossless.hpp"
 

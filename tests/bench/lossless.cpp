@@ -12,7 +12,7 @@
 #include <fitsio.h>
 
 #include "hw_sim/sky_frame.hpp"
-#include "image/frame_strips.hpp"
+#include "image/product/frame_strips.hpp"
 
 namespace srfs::bench {
 namespace {

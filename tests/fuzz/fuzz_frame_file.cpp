@@ -1,12 +1,13 @@
 // SPDX-FileCopyrightText: 2026 SRFS contributors
 // SPDX-License-Identifier: Apache-2.0
-// Image files from outside. The result is a frame with the announced number of pixels, or a reason.
+// FITS files as they are read on board. The result is a frame with the announced number of pixels, or a
+// reason.
 #include <cstdlib>
 
-#include "image/frame_file.hpp"
+#include "image/file/fits.hpp"
 
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
-  const auto frame = srfs::image::decode_frame(srfs::OctetView(data, size));
+  const auto frame = srfs::image::decode_fits(srfs::OctetView(data, size));
   if (!frame) {
     if (frame.error().reason.empty()) std::abort();
     return 0;

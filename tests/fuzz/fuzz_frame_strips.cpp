@@ -6,7 +6,7 @@
 #include <cstdlib>
 
 #include "base/crc32c.hpp"
-#include "image/frame_strips.hpp"
+#include "image/product/frame_strips.hpp"
 
 namespace {
 

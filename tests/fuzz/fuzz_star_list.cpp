@@ -5,7 +5,7 @@
 #include <cstdlib>
 
 #include "base/crc32c.hpp"
-#include "image/star_list.hpp"
+#include "image/product/star_list.hpp"
 
 namespace {
 

@@ -40,6 +40,24 @@ class ProductProgramTest(unittest.TestCase):
         self.assertEqual(fits.read_bytes(), self.frame.read_bytes())
         self.assertEqual(png.read_bytes()[:8], b"\x89PNG\r\n\x1a\n")
 
+    def test_makes_a_file_that_the_spacecraft_reads_of_a_picture(self):
+        png, fits = self.folder / "picture.png", self.folder / "of_picture.fits"
+        self.assertEqual(product(self.strips, "--png", png).returncode, 0)
+        run = product(png, "--out", fits)
+        self.assertEqual(run.returncode, 0, run.stderr)
+        self.assertIn("400 x 300", run.stdout)
+        header = fits.read_bytes()[:2880]
+        for card in (b"BITPIX  =                   16", b"NAXIS1  =                  400", b"BZERO   =                32768"):
+            self.assertIn(card, header)
+        again = self.folder / "again.fits"
+        self.assertEqual(product(fits, "--out", again).returncode, 0)
+        self.assertEqual(again.read_bytes(), fits.read_bytes())
+        broken = self.folder / "broken.png"
+        broken.write_bytes(png.read_bytes()[:100])
+        run = product(broken, "--out", again)
+        self.assertEqual(run.returncode, 1)
+        self.assertIn("broken.png: PNG: ", run.stderr)
+
     def test_says_which_strips_are_missing_and_writes_the_rest(self):
         whole = self.strips.read_bytes()
         begins = [at for at in range(len(whole)) if whole.startswith(MARKER, at)]

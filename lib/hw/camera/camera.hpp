@@ -66,7 +66,7 @@ class Camera {
 };
 
 /// "v4l2:/dev/video0" (options: those of V4l2Options, camera_backends.hpp), "sim:run/camera.sock" (the sky of
-/// hw_sim) or "dir:FOLDER" (replay). Relative paths are relative to @p var_dir.
+/// hw_sim) or "dir:FOLDER" (replay of FITS files). Relative paths are relative to @p var_dir.
 /// @return the camera, closed; an error when the URI can never work
 [[nodiscard]] Result<std::unique_ptr<Camera>, HwError> open_camera(std::string_view uri,
                                                                    const std::filesystem::path& var_dir);

@@ -7,8 +7,7 @@
 #include <fmt/format.h>
 
 #include "hw/camera/camera_backends.hpp"
-#include "hw/camera/frame_values.hpp"
-#include "image/frame_file.hpp"
+#include "image/file/frame_file.hpp"
 
 namespace srfs::hw {
 namespace {
@@ -16,6 +15,20 @@ namespace {
 namespace fs = std::filesystem;
 
 constexpr std::size_t pictures_max = 10'000;
+
+/// The values of a 16-bit FITS file; those below zero become zero.
+CameraFrame to_camera_frame(const image::Frame& picture) {
+  const auto value = [](float v) { return static_cast<std::uint16_t>(std::clamp(v, 0.0F, 65535.0F)); };
+  CameraFrame frame;
+  frame.pixels = image::Grid<std::uint16_t>::unset(picture.pixels.width(), picture.pixels.height());
+  std::uint16_t all = 0;
+  for (std::size_t i = 0; i < picture.pixels.size(); ++i)
+    all |= frame.pixels.cells()[i] = value(picture.pixels.cells()[i]);
+  frame.bits = all <= 255 ? 8 : 16;
+  if (picture.saturation_adu) frame.saturation_adu = value(*picture.saturation_adu);
+  frame.may_repeat = true;
+  return frame;
+}
 
 /// The pictures of a folder in the order of their names, from the start again after the last, as if taken
 /// now. The next picture is decoded by prepare(), so that begin() is on time; take() waits for the exposure.

@@ -9,10 +9,9 @@
 
 #include "base/crc32c.hpp"
 #include "hw/camera/camera_backends.hpp"
-#include "hw/camera/frame_values.hpp"
 #include "hw/camera/pixel_format.hpp"
 #include "hw/camera/sim_camera_protocol.hpp"
-#include "image/frame_file.hpp"
+#include "image/file/frame_file.hpp"
 #include "tests/temporary_folder.hpp"
 
 namespace srfs::hw {
@@ -67,25 +66,6 @@ TEST(PixelFormat, RefusesFramesThatAreShort) {
     EXPECT_EQ(find_pixel_format(f.fourcc), &f);
   }
   EXPECT_EQ(find_pixel_format(0), nullptr);
-}
-
-image::Frame picture(std::vector<float> values, float step) {
-  image::Frame frame;
-  frame.pixels = image::Plane(static_cast<int>(values.size()), 1);
-  std::copy(values.begin(), values.end(), frame.pixels.cells().begin());
-  frame.step = step;
-  return frame;
-}
-
-TEST(FrameValues, KeepsWholeValuesAndSpreadsOthers) {
-  EXPECT_THAT(to_camera_frame(picture({0, 7, 65535}, 1)).pixels.cells(), ElementsAre(0, 7, 65535));
-  EXPECT_EQ(to_camera_frame(picture({0, 255}, 1)).bits, 8);
-  EXPECT_THAT(to_camera_frame(picture({0, 0.5F, 1}, 0)).pixels.cells(), ElementsAre(0, 32768, 65535));
-  EXPECT_THAT(to_camera_frame(picture({-1, 0, 1}, 1)).pixels.cells(), ElementsAre(0, 32768, 65535));
-  EXPECT_THAT(to_camera_frame(picture({0, 131070}, 1)).pixels.cells(), ElementsAre(0, 65535));
-  EXPECT_THAT(to_camera_frame(picture({3, 3}, 0)).pixels.cells(), ElementsAre(0, 0));
-  EXPECT_THAT(to_camera_frame(picture({std::nanf(""), 5, 9}, 1)).pixels.cells(), ElementsAre(5, 5, 9));
-  EXPECT_THAT(to_camera_frame(picture({std::nanf("")}, 1)).pixels.cells(), ElementsAre(0));
 }
 
 TEST(OpenCamera, NamesWhatIsWrongWithTheUri) {
@@ -149,6 +129,23 @@ TEST_F(FolderCameraTest, ShowsThePicturesByNameAndStartsOver) {
   EXPECT_EQ(next(*camera), 10);
   EXPECT_EQ(next(*camera), 20);
   EXPECT_EQ(next(*camera), 10);
+}
+
+TEST_F(FolderCameraTest, KeepsTheValuesOfThePicture) {
+  image::Plane plane(3, 1);
+  plane.cells() = {0, 7, 65535};
+  ASSERT_TRUE(image::write_fits(folder_.path() / "a.fits", plane));
+  plane.cells() = {0, 7, 255};
+  ASSERT_TRUE(image::write_fits(folder_.path() / "b.fits", plane));
+  const auto camera = make_folder_camera(folder_.path());
+  ASSERT_TRUE(camera->open());
+  for (const auto& [last, bits] : {std::pair(65535, 16), std::pair(255, 8)}) {
+    ASSERT_TRUE(camera->prepare({microseconds(1), 0}));
+    ASSERT_TRUE(camera->begin());
+    const auto frame = camera->take(seconds(1)).value().value();
+    EXPECT_THAT(frame.pixels.cells(), ElementsAre(0, 7, last));
+    EXPECT_EQ(frame.bits, bits);
+  }
 }
 
 TEST_F(FolderCameraTest, PassesOverWhatIsNoPicture) {

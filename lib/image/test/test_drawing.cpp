@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: 2026 SRFS contributors
 // SPDX-License-Identifier: Apache-2.0
-#include "image/drawing.hpp"
+#include "image/photograph/drawing.hpp"
 
 #include <limits>
 

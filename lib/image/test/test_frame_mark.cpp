@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: 2026 SRFS contributors
 // SPDX-License-Identifier: Apache-2.0
-#include "image/frame_mark.hpp"
+#include "image/file/frame_mark.hpp"
 
 #include <gtest/gtest.h>
 

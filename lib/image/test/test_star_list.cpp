@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: 2026 SRFS contributors
 // SPDX-License-Identifier: Apache-2.0
-#include "image/star_list.hpp"
+#include "image/product/star_list.hpp"
 
 #include <gmock/gmock.h>
 

@@ -4,8 +4,8 @@
 
 #include <gtest/gtest.h>
 
-#include "image/fits_writer.hpp"
-#include "image/frame_file.hpp"
+#include "image/file/fits.hpp"
+#include "image/file/frame_file.hpp"
 
 namespace srfs {
 namespace {
@@ -76,7 +76,7 @@ TEST(FrameHeader, MakesAFileThatReadsAsTheFrameItWas) {
   const auto file = image::encode_packed_fits(f.pixels, frame_header(f, facts()));
   ASSERT_TRUE(file) << file.error().reason;
   EXPECT_EQ(file->size() % 2880, 0U);
-  const auto read = image::decode_frame(*file);
+  const auto read = image::decode_fits(*file);
   ASSERT_TRUE(read) << read.error().reason;
   ASSERT_EQ(read->pixels.width(), 64);
   ASSERT_EQ(read->pixels.height(), 48);

@@ -4,7 +4,7 @@
 
 #include <gtest/gtest.h>
 
-#include "image/frame_mark.hpp"
+#include "image/file/frame_mark.hpp"
 #include "tests/temporary_folder.hpp"
 
 namespace srfs {

@@ -9,9 +9,9 @@
 #include <mission/structures.hpp>
 
 #include "base/file.hpp"
-#include "image/frame_file.hpp"
-#include "image/frame_mark.hpp"
-#include "image/frame_strips.hpp"
+#include "image/file/frame_file.hpp"
+#include "image/file/frame_mark.hpp"
+#include "image/product/frame_strips.hpp"
 #include "lib/image/test/skies.hpp"
 #include "tests/temporary_folder.hpp"
 

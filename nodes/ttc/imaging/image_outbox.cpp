@@ -15,7 +15,7 @@
 
 #include "base/fd.hpp"
 #include "base/log.hpp"
-#include "image/frame_mark.hpp"
+#include "image/file/frame_mark.hpp"
 
 namespace srfs {
 namespace {

@@ -13,7 +13,7 @@
 
 #include <mission/structures.hpp>
 
-#include "image/frame_mark.hpp"
+#include "image/file/frame_mark.hpp"
 
 namespace srfs {
 

@@ -62,7 +62,7 @@ struct ImageGoalEnd {
   std::string reason = {};
   std::vector<std::string> files = {};  ///< frames or products, below the folder of images
   std::uint32_t detections = 0;         ///< streaks and tracklets
-  std::uint32_t run = 0;                ///< of the processing (lib/image/frame_mark.hpp)
+  std::uint32_t run = 0;                ///< of the processing (lib/image/file/frame_mark.hpp)
 };
 
 /// The time as far as it is known.

@@ -8,8 +8,8 @@
 #include <gtest/gtest.h>
 
 #include "base/file.hpp"
-#include "image/frame_file.hpp"
-#include "image/frame_mark.hpp"
+#include "image/file/frame_file.hpp"
+#include "image/file/frame_mark.hpp"
 #include "nodes/image_acquisition/image_acquisition_node.hpp"
 #include "tests/dds_domain.hpp"
 #include "tests/node/image_acquisition/scripted_camera.hpp"

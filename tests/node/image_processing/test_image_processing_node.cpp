@@ -15,8 +15,8 @@
 
 #include "base/fd.hpp"
 #include "base/file.hpp"
-#include "image/frame_file.hpp"
-#include "image/frame_mark.hpp"
+#include "image/file/frame_file.hpp"
+#include "image/file/frame_mark.hpp"
 #include "lib/image/test/skies.hpp"
 #include "nodes/image_processing/image_processing_node.hpp"
 #include "tests/dds_domain.hpp"

@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: 2026 SRFS contributors
 // SPDX-License-Identifier: Apache-2.0
-#include "image/findings_json.hpp"
+#include "image/product/findings_json.hpp"
 
 #include <cmath>
 

@@ -6,7 +6,7 @@
 #include <vector>
 
 #include "image/detections.hpp"
-#include "image/frame_file.hpp"
+#include "image/product/png.hpp"
 
 namespace srfs::image {
 

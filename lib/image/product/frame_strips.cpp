@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: 2026 SRFS contributors
 // SPDX-License-Identifier: Apache-2.0
-#include "image/frame_strips.hpp"
+#include "image/product/frame_strips.hpp"
 
 #include <algorithm>
 #include <bit>

@@ -6,17 +6,11 @@
 #include <limits>
 
 #include <fitsio.h>
-#include <fmt/format.h>
 
-#include "image/fits.hpp"
+#include "image/photograph/decoders.hpp"
 
 namespace srfs::image {
 namespace {
-
-template <class... Args>
-tl::unexpected<Refusal> refuse(fmt::format_string<Args...> format, Args&&... args) {
-  return Err(Refusal{fmt::format(format, std::forward<Args>(args)...)});
-}
 
 std::string fits_reason(int status) {
   std::array<char, FLEN_STATUS> text{};
@@ -84,7 +78,9 @@ std::optional<double> fits_time(fitsfile* file) {
 
 constexpr std::size_t fits_block = 2880;
 
-Result<Frame, Refusal> decode(OctetView content) {
+}  // namespace
+
+Result<Frame, Refusal> decode_any_fits(OctetView content) {
   // cfitsio reads whole blocks, beyond the end of a file that was cut within one.
   Octets padded;
   if (const std::size_t over = content.size() % fits_block; over != 0) {
@@ -147,10 +143,4 @@ Result<Frame, Refusal> decode(OctetView content) {
   return frame;
 }
 
-}  // namespace
 }  // namespace srfs::image
-
-void srfs_decode_packed_fits(srfs::OctetView content,
-                             srfs::Result<srfs::image::Frame, srfs::image::Refusal>& decoded) {
-  decoded = srfs::image::decode(content);
-}

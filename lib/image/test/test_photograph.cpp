@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: 2026 SRFS contributors
 // SPDX-License-Identifier: Apache-2.0
-#include "image/frame_file.hpp"
+#include "image/photograph/photograph.hpp"
 
 #include <cmath>
 #include <cstdio>
@@ -14,11 +14,13 @@
 #include <tiffio.h>
 
 #include "base/file.hpp"
+#include "image/file/frame_file.hpp"
 #include "tests/temporary_folder.hpp"
 
 namespace srfs::image {
 namespace {
 
+using testing::ElementsAre;
 using testing::HasSubstr;
 
 /// A ramp: value 7 x + 100 y.
@@ -30,13 +32,17 @@ Plane ramp(int width = 12, int height = 9) {
   return plane;
 }
 
-class FrameFile : public testing::Test {
+Result<Frame, Refusal> read_photograph(const std::string& path) {
+  return read_frame(path, decode_photograph);
+}
+
+class Photograph : public testing::Test {
  protected:
   [[nodiscard]] std::string path(const char* name) const { return (folder_.path() / name).string(); }
 
   [[nodiscard]] std::string refusal(const std::string& content) const {
     const auto frame =
-        decode_frame(OctetView(reinterpret_cast<const std::uint8_t*>(content.data()), content.size()));
+        decode_photograph(OctetView(reinterpret_cast<const std::uint8_t*>(content.data()), content.size()));
     return frame ? "" : frame.error().reason;
   }
 
@@ -135,13 +141,6 @@ void write_jpeg(const std::string& path, JDIMENSION width, JDIMENSION height) {
   std::fclose(file);
 }
 
-TEST_F(FrameFile, ReadsWhatItWroteAsFits) {
-  ASSERT_TRUE(write_fits(path("a.fits"), ramp()));
-  const auto frame = read_frame(path("a.fits"));
-  expect_ramp(frame);
-  EXPECT_EQ(frame->step, 1);
-}
-
 /// A file with one header and its data.
 std::string fits_of(const std::vector<std::string>& cards, const std::string& data) {
   std::string content;
@@ -165,12 +164,13 @@ std::string big_endian(const std::vector<T>& values) {
 }
 
 Frame decoded(const std::string& content) {
-  auto frame = decode_frame(OctetView(reinterpret_cast<const std::uint8_t*>(content.data()), content.size()));
+  auto frame =
+      decode_photograph(OctetView(reinterpret_cast<const std::uint8_t*>(content.data()), content.size()));
   EXPECT_TRUE(frame) << frame.error().reason;
   return frame ? *std::move(frame) : Frame{};
 }
 
-TEST_F(FrameFile, ReadsFitsOfEveryNumberFormatWithScaleAndBlank) {
+TEST_F(Photograph, ReadsFitsOfEveryNumberFormatWithScaleAndBlank) {
   const auto cards = [](int bitpix) {
     return std::vector<std::string>{"SIMPLE  =                    T",
                                     fmt::format("BITPIX  = {:>20}", bitpix),
@@ -210,7 +210,7 @@ TEST_F(FrameFile, ReadsFitsOfEveryNumberFormatWithScaleAndBlank) {
   }
 }
 
-TEST_F(FrameFile, ReadsFitsWhoseImageIsInAnExtension) {
+TEST_F(Photograph, ReadsFitsWhoseImageIsInAnExtension) {
   const std::string first = fits_of({"SIMPLE  =                    T", "BITPIX  =                    8",
                                      "NAXIS   =                    0", "EXTEND  =                    T"},
                                     "");
@@ -222,38 +222,38 @@ TEST_F(FrameFile, ReadsFitsWhoseImageIsInAnExtension) {
   EXPECT_EQ(decoded(first + second).pixels.at(1, 0), 9);
 }
 
-TEST_F(FrameFile, ReadsTiffOf16BitsAndFloatInStripsAndTiles) {
+TEST_F(Photograph, ReadsTiffOf16BitsAndFloatInStripsAndTiles) {
   for (const int bits : {16, 32}) {
     for (const bool tiled : {false, true}) {
       write_tiff(path("a.tif"), bits, tiled);
-      expect_ramp(read_frame(path("a.tif")));
+      expect_ramp(read_photograph(path("a.tif")));
     }
   }
 }
 
-TEST_F(FrameFile, ReadsPngOf16Bits) {
+TEST_F(Photograph, ReadsPngOf16Bits) {
   write_png16(path("a.png"));
-  expect_ramp(read_frame(path("a.png")));
+  expect_ramp(read_photograph(path("a.png")));
 }
 
-TEST_F(FrameFile, ReadsJpeg) {
+TEST_F(Photograph, ReadsJpeg) {
   write_jpeg(path("a.jpg"), 33, 17);
-  const auto frame = read_frame(path("a.jpg"));
+  const auto frame = read_photograph(path("a.jpg"));
   ASSERT_TRUE(frame) << frame.error().reason;
   EXPECT_EQ(frame->pixels.width(), 33);
   EXPECT_EQ(frame->pixels.height(), 17);
   EXPECT_NEAR(frame->pixels.at(20, 10), 77, 1);
 }
 
-TEST_F(FrameFile, RefusesWhatIsNoImageFileAndSaysWhy) {
-  EXPECT_THAT(read_frame(path("none.fits")).error().reason, HasSubstr("cannot open"));
-  EXPECT_THAT(read_frame(path(".")).error().reason, HasSubstr("not a file"));
-  EXPECT_THAT(read_frame("/dev/zero").error().reason, HasSubstr("not a file"));
+TEST_F(Photograph, RefusesWhatIsNoImageFileAndSaysWhy) {
+  EXPECT_THAT(read_photograph(path("none.fits")).error().reason, HasSubstr("cannot open"));
+  EXPECT_THAT(read_photograph(path(".")).error().reason, HasSubstr("not a file"));
+  EXPECT_THAT(read_photograph("/dev/zero").error().reason, HasSubstr("not a file"));
   EXPECT_THAT(refusal(""), HasSubstr("empty"));
   EXPECT_THAT(refusal("hello"), HasSubstr("neither FITS"));
 }
 
-TEST_F(FrameFile, RefusesHeadersThatAnnounceMoreThanTheFileHas) {
+TEST_F(Photograph, RefusesHeadersThatAnnounceMoreThanTheFileHas) {
   ASSERT_TRUE(write_fits(path("a.fits"), ramp()));
   const std::string good = read_file(path("a.fits")).value();
   const auto with = [&](std::string_view card, std::string_view value) {
@@ -272,7 +272,7 @@ TEST_F(FrameFile, RefusesHeadersThatAnnounceMoreThanTheFileHas) {
   EXPECT_NE(with("BITPIX", "11"), "");
 }
 
-TEST_F(FrameFile, RefusesFilesThatAreCutShortOfEveryFormat) {
+TEST_F(Photograph, RefusesFilesThatAreCutShortOfEveryFormat) {
   ASSERT_TRUE(write_fits(path("a.fits"), ramp()));
   write_tiff(path("a.tif"), 16, false);
   write_png16(path("a.png"));
@@ -286,32 +286,37 @@ TEST_F(FrameFile, RefusesFilesThatAreCutShortOfEveryFormat) {
   }
 }
 
-TEST_F(FrameFile, FitsKeepsWhenTheExposureBeganAndWherePixelsAreSaturated) {
-  Frame frame;
-  frame.pixels = ramp();
-  frame.time_s = 1795334400.25;
-  frame.saturation_adu = 4095;
-  ASSERT_TRUE(write_fits(path("dated.fits"), frame));
-
-  const auto found = read_frame(path("dated.fits"));
-  expect_ramp(found);
-  EXPECT_EQ(found->time_s, frame.time_s);
-  EXPECT_EQ(found->saturation_adu, frame.saturation_adu);
-}
-
-TEST_F(FrameFile, WhereMemoryIsCappedLargerFramesAreRefusedInEveryFormat) {
+TEST_F(Photograph, WhereMemoryIsCappedLargerFramesAreRefusedInEveryFormat) {
   ASSERT_TRUE(write_fits(path("a.fits"), ramp()));
   ASSERT_TRUE(write_png(path("a.png"), Grid<std::uint8_t>(12, 9, 7)));
   write_tiff(path("a.tif"), 16, false);
   {
     const FramePixelsLimit limit(12 * 9 - 1);
     for (const char* name : {"a.fits", "a.png", "a.tif"}) {
-      const auto frame = read_frame(path(name));
+      const auto frame = read_photograph(path(name));
       ASSERT_FALSE(frame) << name;
       EXPECT_THAT(frame.error().reason, HasSubstr("12 x 9 pixels: more than")) << name;
     }
   }
-  EXPECT_TRUE(read_frame(path("a.fits")));
+  EXPECT_TRUE(read_photograph(path("a.fits")));
+}
+
+Frame picture(std::vector<float> values, float step) {
+  Frame frame;
+  frame.pixels = Plane(static_cast<int>(values.size()), 1);
+  std::copy(values.begin(), values.end(), frame.pixels.cells().begin());
+  frame.step = step;
+  return frame;
+}
+
+TEST(In16Bits, KeepsWholeValuesAndSpreadsOthers) {
+  EXPECT_THAT(in_16_bits(picture({0, 7, 65535}, 1)).pixels.cells(), ElementsAre(0, 7, 65535));
+  EXPECT_THAT(in_16_bits(picture({0, 0.5F, 1}, 0)).pixels.cells(), ElementsAre(0, 32768, 65535));
+  EXPECT_THAT(in_16_bits(picture({-1, 0, 1}, 1)).pixels.cells(), ElementsAre(0, 32768, 65535));
+  EXPECT_THAT(in_16_bits(picture({0, 131070}, 1)).pixels.cells(), ElementsAre(0, 65535));
+  EXPECT_THAT(in_16_bits(picture({3, 3}, 0)).pixels.cells(), ElementsAre(0, 0));
+  EXPECT_THAT(in_16_bits(picture({std::nanf(""), 5, 9}, 1)).pixels.cells(), ElementsAre(5, 5, 9));
+  EXPECT_THAT(in_16_bits(picture({std::nanf("")}, 1)).pixels.cells(), ElementsAre(0));
 }
 
 }  // namespace
