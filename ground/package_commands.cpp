@@ -10,6 +10,7 @@
 #include <nlohmann/json.hpp>
 
 #include "base/file.hpp"
+#include "base/text.hpp"
 #include "update/package_keys.hpp"
 
 namespace srfs::ground {
@@ -46,8 +47,7 @@ Result<Shown, std::string> look_at(OctetView package, const std::optional<update
   if (!parts) return Err(update::to_text(parts.error()));
   auto manifest = update::decode_manifest(parts->manifest);
   if (!manifest) return Err(update::to_text(manifest.error()));
-  const OctetView content(reinterpret_cast<const std::uint8_t*>(parts->manifest.data()),
-                          parts->manifest.size());
+  const OctetView content = as_octets(parts->manifest);
   const char* const signature = !key                                                 ? "not checked"
                                 : parts->key != update::key_id_of(*key)              ? "of another key"
                                 : update::is_signed(content, parts->signature, *key) ? "good"
@@ -126,8 +126,7 @@ Exit make_package(const PackageCommand& command) {
   if (!seed) return fail(command, seed.error().message);
   const auto package = make_package(merged(std::move(draft), command.said), *seed);
   if (!package) return fail(command, package.error());
-  const auto written = write_file_atomically(
-      command.output, {reinterpret_cast<const char*>(package->data()), package->size()});
+  const auto written = write_file_atomically(command.output, as_text(*package));
   if (!written) return fail(command, written.error().message);
   return show(command, *package, update::public_key_of(*seed));
 }

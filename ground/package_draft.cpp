@@ -13,6 +13,7 @@
 #include "base/config.hpp"
 #include "base/file.hpp"
 #include "base/sha256.hpp"
+#include "base/text.hpp"
 
 namespace srfs::ground {
 namespace {
@@ -237,8 +238,7 @@ Result<update::Manifest, std::string> read_manifest(const PackageDraft& draft) {
   if (!draft.binary.empty()) {
     const auto binary = read_file(draft.binary, binary_octets);
     if (!binary) return Err(binary.error().message);
-    manifest.binary_sha256 =
-        to_digits(sha256_of({reinterpret_cast<const std::uint8_t*>(binary->data()), binary->size()}));
+    manifest.binary_sha256 = to_digits(sha256_of(as_octets(*binary)));
   }
   return manifest;
 }

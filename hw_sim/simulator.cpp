@@ -10,6 +10,7 @@
 #include <nlohmann/json.hpp>
 
 #include "base/log.hpp"
+#include "base/text.hpp"
 #include "hw/open.hpp"
 
 namespace srfs::sim {
@@ -34,10 +35,6 @@ std::string text_of(OctetView octets) {
 
 std::int64_t whole_ms(nanoseconds t) {
   return std::chrono::duration_cast<milliseconds>(t).count();
-}
-
-OctetView octets_of(const std::string& text) {
-  return {reinterpret_cast<const std::uint8_t*>(text.data()), text.size()};
 }
 
 GpsPosition position_of(const OrbitState& orbit) {
@@ -328,7 +325,7 @@ Result<void, std::string> Simulator::open_others(const SimulationSettings& setti
 
   auto control = SeqpacketServer::create(
       loop_, var / "run" / "sim_control.sock", [this](int client, OctetView request, MonotonicTime now) {
-        control_socket_->send(client, octets_of(on_control(text_of(request), now)));
+        control_socket_->send(client, as_octets(on_control(text_of(request), now)));
       });
   if (!control) return Err(control.error());
   control_socket_ = std::move(*control);

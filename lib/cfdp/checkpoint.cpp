@@ -4,6 +4,7 @@
 
 #include <cassert>
 
+#include "base/text.hpp"
 #include "wire/cfdp_checksum.hpp"
 
 namespace srfs::cfdp {
@@ -25,7 +26,7 @@ std::uint32_t crc(OctetView octets) {
 void put_text(OctetWriter& out, const std::string& text) {
   assert(text.size() <= wire::cfdp_name_octets_max);
   out.u8(static_cast<std::uint8_t>(text.size()));
-  out.bytes({reinterpret_cast<const std::uint8_t*>(text.data()), text.size()});
+  out.bytes(as_octets(text));
 }
 
 template <class Enum>

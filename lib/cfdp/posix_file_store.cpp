@@ -12,6 +12,7 @@
 #include <sys/statvfs.h>
 #include <unistd.h>
 
+#include "base/text.hpp"
 #include "cfdp/file_tree.hpp"
 
 namespace srfs::cfdp {
@@ -208,8 +209,7 @@ void PosixFileStore::discard_temporaries_except(std::span<const TransactionId> k
 }
 
 FileResult<void> PosixFileStore::save_checkpoint(OctetView checkpoint) {
-  const auto written = write_file_atomically(
-      checkpoint_, {reinterpret_cast<const char*>(checkpoint.data()), checkpoint.size()});
+  const auto written = write_file_atomically(checkpoint_, as_text(checkpoint));
   if (!written) return system_fault();
   return {};
 }

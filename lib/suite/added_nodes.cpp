@@ -10,6 +10,7 @@
 
 #include "base/crc32c.hpp"
 #include "base/file.hpp"
+#include "base/text.hpp"
 
 namespace srfs::suite {
 namespace {
@@ -22,10 +23,6 @@ constexpr int format = 1;
 constexpr std::size_t largest_file =
     AddedNodes::nodes_max * 4 * (2 * AddedNodes::description_octets_max + AddedNodes::dictionary_octets_max) +
     4096;
-
-std::uint32_t checksum(std::string_view text) {
-  return crc32c({reinterpret_cast<const std::uint8_t*>(text.data()), text.size()});
-}
 
 /// A double-quoted scalar of YAML, on one line.
 std::string yaml_text(std::string_view text) {
@@ -120,7 +117,7 @@ std::string to_text(const AddedNodes& added) {
     text += fmt::format("    description: {}\n    dictionary: {}\n", yaml_text(node.description),
                         yaml_text(node.dictionary));
   }
-  return text + fmt::format("{}{:08x}\n", checksum_key, checksum(text));
+  return text + fmt::format("{}{:08x}\n", checksum_key, crc32c(as_octets(text)));
 }
 
 Result<AddedNodes, std::string> added_nodes_from_text(const std::string& text) {
@@ -133,7 +130,7 @@ Result<AddedNodes, std::string> added_nodes_from_text(const std::string& text) {
   const char* const digits = text.data() + sum_begin + checksum_key.size();
   const auto [end, error] = std::from_chars(digits, digits + checksum_octets, sum, 16);
   if (error != std::errc() || end != digits + checksum_octets ||
-      sum != checksum(std::string_view(text).substr(0, sum_begin)))
+      sum != crc32c(as_octets(std::string_view(text).substr(0, sum_begin))))
     return Err(std::string("wrong checksum"));
   try {
     const ConfigSection root = ConfigSection::parse(text, "added_nodes");

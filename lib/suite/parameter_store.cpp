@@ -10,6 +10,7 @@
 #include <yaml-cpp/yaml.h>
 
 #include "base/crc32c.hpp"
+#include "base/text.hpp"
 
 namespace srfs::suite {
 namespace {
@@ -70,8 +71,7 @@ void write_values(YAML::Emitter& out, const std::vector<ros::StoredParameter>& v
 }
 
 std::string checksum_line(std::string_view text) {
-  return fmt::format("{}{:08x}\n", checksum_mark,
-                     crc32c({reinterpret_cast<const std::uint8_t*>(text.data()), text.size()}));
+  return fmt::format("{}{:08x}\n", checksum_mark, crc32c(as_octets(text)));
 }
 
 bool has_its_checksum(const std::string& text) {

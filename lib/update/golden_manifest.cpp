@@ -6,6 +6,7 @@
 #include <array>
 
 #include "base/sha256.hpp"
+#include "base/text.hpp"
 #include "update/build_id.hpp"
 #include "update/json_line.hpp"
 
@@ -15,10 +16,6 @@ namespace {
 constexpr std::array kind_names{"program", "version", "text"};
 constexpr std::string_view format_name = "srfs golden 1";
 constexpr std::size_t build_digits = 16;
-
-OctetView octets_of(std::string_view text) {
-  return {reinterpret_cast<const std::uint8_t*>(text.data()), text.size()};
-}
 
 auto place(std::vector<GoldenFile>& files, std::string_view path) {
   return std::lower_bound(files.begin(), files.end(), path,
@@ -74,7 +71,7 @@ std::string GoldenManifest::build() const {
     if (file.kind == ScrubKind::program && !file.build_id.empty()) ids += file.build_id + "\n";
   }
   if (ids.empty()) return {};
-  return to_digits(sha256_of(octets_of(ids))).substr(0, build_digits);
+  return to_digits(sha256_of(as_octets(ids))).substr(0, build_digits);
 }
 
 std::string encode(const GoldenManifest& manifest) {

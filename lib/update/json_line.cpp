@@ -7,12 +7,13 @@
 #include <fmt/format.h>
 
 #include "base/crc32c.hpp"
+#include "base/text.hpp"
 
 namespace srfs::update {
 namespace {
 
 std::string checksum(std::string_view text) {
-  return fmt::format("{:08x}", crc32c({reinterpret_cast<const std::uint8_t*>(text.data()), text.size()}));
+  return fmt::format("{:08x}", crc32c(as_octets(text)));
 }
 
 }  // namespace

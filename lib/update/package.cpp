@@ -17,6 +17,7 @@
 
 #include "base/fd.hpp"
 #include "base/sha256.hpp"
+#include "base/text.hpp"
 #include "update/deflate.hpp"
 #include "update/json_line.hpp"
 #include "update/version_table.hpp"
@@ -40,14 +41,6 @@ constexpr std::size_t longest_key_told = 40;
 constexpr int deepest_nesting = 16;
 constexpr seconds longest_self_test{60};
 constexpr std::uint64_t longest_slot_ms = 60'000;
-
-OctetView octets_of(std::string_view text) {
-  return {reinterpret_cast<const std::uint8_t*>(text.data()), text.size()};
-}
-
-std::string_view text_of(OctetView octets) {
-  return {reinterpret_cast<const char*>(octets.data()), octets.size()};
-}
 
 /// What is signed: the tag keeps the signature from meaning anything elsewhere.
 Octets signed_octets(OctetView content) {
@@ -490,12 +483,12 @@ KeyId key_id_of(const PublicKey& key) {
 Octets seal_package(std::uint16_t format, std::string_view manifest, OctetView rest,
                     const SigningSeed& seed) {
   OctetWriter out(1024 + manifest.size() + rest.size());
-  out.bytes(octets_of(magic));
+  out.bytes(as_octets(magic));
   out.u16(format);
   out.bytes(key_id_of(public_key_of(seed)));
   out.u32(static_cast<std::uint32_t>(manifest.size()));
-  out.bytes(octets_of(manifest));
-  out.bytes(sign(octets_of(manifest), seed));
+  out.bytes(as_octets(manifest));
+  out.bytes(sign(as_octets(manifest), seed));
   out.bytes(rest);
   return out.take();
 }
@@ -531,7 +524,7 @@ Result<PackageParts, PackageFailure> open_package(OctetView package) {
   };
   PackageParts parts;
   const auto head = take(magic.size());
-  if (!head || text_of(*head) != magic) return refuse(PackageRefusal::cut_off, "head");
+  if (!head || as_text(*head) != magic) return refuse(PackageRefusal::cut_off, "head");
   const auto version = take(2);
   if (!version) return refuse(PackageRefusal::cut_off, "head");
   parts.format = static_cast<std::uint16_t>((*version)[0] << 8 | (*version)[1]);
@@ -548,7 +541,7 @@ Result<PackageParts, PackageFailure> open_package(OctetView package) {
   if (!manifest || !signature) return refuse(PackageRefusal::cut_off, "manifest");
   std::ranges::copy(*id, parts.key.begin());
   std::ranges::copy(*signature, parts.signature.begin());
-  parts.manifest = text_of(*manifest);
+  parts.manifest = as_text(*manifest);
   parts.rest = package;
   return parts;
 }
@@ -559,7 +552,7 @@ Result<VerifiedPackage, PackageFailure> verify_package(
   const auto parts = open_package(package);
   if (!parts) return Err(parts.error());
   if (parts->key != key_id_of(key)) return refuse(PackageRefusal::wrong_key);
-  if (!is_signed(octets_of(parts->manifest), parts->signature, key))
+  if (!is_signed(as_octets(parts->manifest), parts->signature, key))
     return refuse(PackageRefusal::wrong_signature);
   auto manifest = decode_manifest(parts->manifest);
   if (!manifest) return Err(manifest.error());

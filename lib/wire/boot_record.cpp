@@ -8,16 +8,13 @@
 #include <fmt/format.h>
 
 #include "base/octets.hpp"
+#include "base/text.hpp"
 #include "wire/crc16.hpp"
 
 namespace srfs::wire {
 namespace {
 
 constexpr std::string_view magic = "srfs-boot 1\n";
-
-std::uint16_t checksum(std::string_view text) {
-  return crc16(OctetView(reinterpret_cast<const std::uint8_t*>(text.data()), text.size()));
-}
 
 }  // namespace
 
@@ -29,14 +26,14 @@ std::string encode_boot_record(const BootRecord& record) {
       magic, record.count, record.boot_id, record.reset_cause, record.healthy ? 1 : 0,
       record.healthy_since.ns(), record.unhealthy_boots, record.withheld ? 1 : 0, record.ended ? 1 : 0,
       record.revision);
-  return body + fmt::format("crc {:04x}\n", checksum(body));
+  return body + fmt::format("crc {:04x}\n", crc16(as_octets(body)));
 }
 
 Result<BootRecord, BootRecordError> decode_boot_record(const std::string& text) {
   const std::size_t crc_line = text.rfind("crc ");
   if (!text.starts_with(magic) || crc_line == std::string::npos) return Err(BootRecordError::not_a_record);
   if (text.substr(crc_line) !=
-      fmt::format("crc {:04x}\n", checksum(std::string_view(text).substr(0, crc_line))))
+      fmt::format("crc {:04x}\n", crc16(as_octets(std::string_view(text).substr(0, crc_line)))))
     return Err(BootRecordError::damaged);
   std::istringstream lines(text.substr(magic.size(), crc_line - magic.size()));
   std::string key;

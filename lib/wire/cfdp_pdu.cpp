@@ -6,6 +6,7 @@
 #include <cassert>
 #include <limits>
 
+#include "base/text.hpp"
 #include "wire/crc16.hpp"
 
 namespace srfs::wire {
@@ -53,7 +54,7 @@ class Encoder {
     file_size(m.file_size);
     for (const std::string* name : {&m.source_file, &m.destination_file}) {
       out_.u8(static_cast<std::uint8_t>(name->size()));
-      out_.bytes({reinterpret_cast<const std::uint8_t*>(name->data()), name->size()});
+      out_.bytes(as_octets(*name));
     }
     for (const CfdpTlv& option : m.options) tlv(option.type, option.value);
   }

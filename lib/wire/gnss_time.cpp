@@ -6,6 +6,7 @@
 #include <chrono>
 #include <ratio>
 
+#include "base/text.hpp"
 #include "wire/nmea.hpp"
 #include "wire/ubx.hpp"
 
@@ -83,7 +84,7 @@ std::size_t GnssTimeStream::examine_nmea(std::vector<GnssTime>& times) {
     ++counters_.cut_short;
     return length;
   }
-  take_sentence({reinterpret_cast<const char*>(held_.data()), length}, times);
+  take_sentence(as_text(held_).substr(0, length), times);
   return length;
 }
 

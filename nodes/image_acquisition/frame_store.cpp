@@ -7,6 +7,7 @@
 
 #include <fmt/format.h>
 
+#include "base/text.hpp"
 #include "image/file/frame_mark.hpp"
 
 namespace srfs {
@@ -173,8 +174,7 @@ Result<std::string, FrameStore::Failure> FrameStore::add(std::uint32_t task, std
   if (!open_) return Err(Failure{false, "the folder of frames could not be read"});
   if (auto room = make_room(content.size(), task); !room) return Err(std::move(room.error()));
   std::string name = frame_file(task, number);
-  const auto written =
-      write_file_atomically(images_ / name, {reinterpret_cast<const char*>(content.data()), content.size()});
+  const auto written = write_file_atomically(images_ / name, as_text(content));
   if (!written) return Err(Failure{false, written.error().message});
   frames_.push_back({task, number, content.size(), FrameStanding::unmarked});
   octets_ += content.size();

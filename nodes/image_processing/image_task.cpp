@@ -11,6 +11,7 @@
 #include <mission/structures.hpp>
 
 #include "base/saturate.hpp"
+#include "base/text.hpp"
 #include "image/file/frame_file.hpp"
 #include "image/file/frame_mark.hpp"
 #include "image/product/frame_strips.hpp"
@@ -234,8 +235,7 @@ void ImageTask::make_findings(ProductStore& store, StepReport& report) {
   std::stable_sort(findings_.streaks.begin(), findings_.streaks.end(),
                    [](const FoundStreak& a, const FoundStreak& b) { return a.streak.snr > b.streak.snr; });
   if (const auto text = findings_text(findings_, room()))
-    offer(store, "findings.json",
-          OctetView(reinterpret_cast<const std::uint8_t*>(text->data()), text->size()), report);
+    offer(store, "findings.json", as_octets(*text), report);
   else
     ++counts_.left_out;
   cut_outs_.emplace(findings_);

@@ -8,6 +8,7 @@
 #include <fmt/format.h>
 
 #include "base/file.hpp"
+#include "base/text.hpp"
 
 namespace srfs {
 namespace {
@@ -101,7 +102,7 @@ Result<std::string, StoreFailure> ProductStore::put(const std::string& name, Oct
     if (!remove_oldest())
       return Err(StoreFailure{StoreProblem::quota, fmt::format("{}: the product store is full", name)});
   }
-  const std::string_view text(reinterpret_cast<const char*>(content.data()), content.size());
+  const std::string_view text = as_text(content);
   auto written = write_file_atomically(path, text);
   if (!written && remove_oldest()) written = write_file_atomically(path, text);
   if (!written) return Err(StoreFailure{StoreProblem::disk, written.error().message});

@@ -9,6 +9,7 @@
 
 #include "base/file.hpp"
 #include "base/saturate.hpp"
+#include "base/text.hpp"
 #include "hw/open.hpp"
 #include "suite/commanding/messages.hpp"
 #include "suite/state_files.hpp"
@@ -62,13 +63,6 @@ unsigned bits_of(const hw::CanFrame& frame) {
                                  .remote = frame.remote,
                                  .size = frame.size,
                                  .data = frame.view()});
-}
-
-OctetView octets_of(const std::string& text) {
-  return {reinterpret_cast<const std::uint8_t*>(text.data()), text.size()};
-}
-std::string_view text_of(const Octets& octets) {
-  return {reinterpret_cast<const char*>(octets.data()), octets.size()};
 }
 
 }  // namespace
@@ -169,7 +163,7 @@ void PayloadNode::restore() {
   TelecommandJournal journal = read_journal(state_dir() / "telecommands");
   (void)suite::read_state_file(
       var(), name(), "processing", 65536, suite::TakenBack::yes,
-      [this](const std::string& content) { return profile_->restore_state(octets_of(content)); });
+      [this](const std::string& content) { return profile_->restore_state(as_octets(content)); });
   link_.emplace(peripheral_.can_address);
   cycle_.emplace(
       settings(),
@@ -661,7 +655,7 @@ void PayloadNode::carry_out(const CommandDone& action) {
   (void)process_worker_->post(
       [profile = profile_.get(), command = action.command, file = state_dir() / "processing"] {
         if (!profile->on_command_done(command)) return;
-        const auto written = write_file_atomically(file, text_of(profile->state()));
+        const auto written = write_file_atomically(file, as_text(profile->state()));
         if (!written) log::error("{}", written.error().message);
       });
 }
@@ -676,7 +670,7 @@ void PayloadNode::write_journal() {
   const std::uint64_t revision = cycle_->journal().revision();
   const bool taken = store_worker_->ask(
       [file = state_dir() / "telecommands", content = cycle_->journal().encode()] {
-        const auto written = write_file_atomically(file, text_of(content));
+        const auto written = write_file_atomically(file, as_text(content));
         if (!written) log::error("telecommands cannot be stored: {}", written.error().message);
         return written.has_value();
       },

@@ -9,16 +9,11 @@
 #include <fmt/format.h>
 
 #include "base/octets.hpp"
+#include "base/text.hpp"
 #include "wire/crc16.hpp"
 
 namespace srfs {
-namespace {
-
-std::uint16_t checksum(std::string_view text) {
-  return wire::crc16(OctetView(reinterpret_cast<const std::uint8_t*>(text.data()), text.size()));
-}
-
-}  // namespace
+namespace {}  // namespace
 
 std::string encode_timing_record(const TimingRecord& record) {
   std::string body = fmt::format(
@@ -26,7 +21,7 @@ std::string encode_timing_record(const TimingRecord& record) {
       record.cycle_ceiling, record.utc.ns(), record.utc_valid ? 1 : 0, record.at.ns(), record.boot_id,
       record.error.count());
   if (record.drift_ppm) body += fmt::format("drift_ppb {}\n", std::lround(*record.drift_ppm * 1e3));
-  return body + fmt::format("crc {:04x}\n", checksum(body));
+  return body + fmt::format("crc {:04x}\n", wire::crc16(as_octets(body)));
 }
 
 namespace {
@@ -48,7 +43,7 @@ Result<TimingRecord, TimingRecordError> decode_timing_record(const std::string& 
   if (!text.starts_with("srfs-timing 1\n") || crc_line == std::string::npos)
     return Err(TimingRecordError::not_a_record);
   if (text.substr(crc_line) !=
-      fmt::format("crc {:04x}\n", checksum(std::string_view(text).substr(0, crc_line)))) {
+      fmt::format("crc {:04x}\n", wire::crc16(as_octets(std::string_view(text).substr(0, crc_line))))) {
     return Err(TimingRecordError::damaged);
   }
   std::istringstream lines(text.substr(0, crc_line));

@@ -5,11 +5,12 @@
 #include <fmt/format.h>
 
 #include "base/crc32c.hpp"
+#include "base/text.hpp"
 
 namespace srfs {
 
 std::string with_check(const std::string& text) {
-  const std::uint32_t check = crc32c({reinterpret_cast<const std::uint8_t*>(text.data()), text.size()});
+  const std::uint32_t check = crc32c(as_octets(text));
   return fmt::format("{} {:08x}\n", text, check);
 }
 

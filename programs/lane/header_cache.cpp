@@ -14,6 +14,7 @@
 
 #include "base/file.hpp"
 #include "base/sha256.hpp"
+#include "base/text.hpp"
 #include "lane.hpp"
 
 namespace srfs::lane {
@@ -35,7 +36,7 @@ std::string stamp_of(const std::string& path) {
 }
 
 std::string digest_of(const std::string& text) {
-  return to_digits(sha256_of({reinterpret_cast<const std::uint8_t*>(text.data()), text.size()}));
+  return to_digits(sha256_of(as_octets(text)));
 }
 
 std::string stamps_of(const std::vector<std::string>& files) {

@@ -13,6 +13,7 @@
 #include <CLI/CLI.hpp>
 
 #include "base/file.hpp"
+#include "base/text.hpp"
 #include "base/time.hpp"
 #include "base/version.hpp"
 #include "image/file/frame_file.hpp"
@@ -41,10 +42,6 @@ struct Options {
 ExitCode refuse(const std::string& why) {
   std::fprintf(stderr, "srfs-product: %s\n", why.c_str());
   return file_refused;
-}
-
-OctetView octets_of(const std::string& text) {
-  return {reinterpret_cast<const std::uint8_t*>(text.data()), text.size()};
 }
 
 /// "3, 7-9"
@@ -113,11 +110,11 @@ int run(const Options& options) {
   if (!options.frame.empty()) return pack_frame(options);
   const auto content = read_file(options.file, file_octets_max);
   if (!content) return refuse(content.error().message);
-  if (const auto stars = decode_star_list(octets_of(*content))) return print_stars(*stars);
+  if (const auto stars = decode_star_list(as_octets(*content))) return print_stars(*stars);
   if (content->starts_with("SRFSTARS"))
-    return refuse(options.file + ": " + decode_star_list(octets_of(*content)).error().reason);
-  if (is_photograph(octets_of(*content))) return convert(options, octets_of(*content));
-  return unpack_strips(options, octets_of(*content));
+    return refuse(options.file + ": " + decode_star_list(as_octets(*content)).error().reason);
+  if (is_photograph(as_octets(*content))) return convert(options, as_octets(*content));
+  return unpack_strips(options, as_octets(*content));
 }
 
 }  // namespace

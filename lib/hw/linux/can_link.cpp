@@ -15,6 +15,7 @@
 #include <sys/socket.h>
 
 #include "base/fd.hpp"
+#include "base/text.hpp"
 
 namespace srfs::hw {
 namespace {
@@ -189,9 +190,7 @@ Result<CanLink, int> decode_link(OctetView answer, std::uint32_t sequence) {
   CanLink link;
   if (const auto carrier = take<std::uint8_t>(find(attributes, IFLA_CARRIER))) link.carrier = *carrier != 0;
   // Other kinds number their attributes otherwise. The kernel's strings end with NUL.
-  if (std::string_view(reinterpret_cast<const char*>(kind.data()), kind.size()).substr(0, 4) !=
-      std::string_view("can", 4))
-    return link;
+  if (as_text(kind).substr(0, 4) != std::string_view("can", 4)) return link;
   const OctetView can = find(info, IFLA_INFO_DATA);
   if (const auto state = take<std::uint32_t>(find(can, IFLA_CAN_STATE))) link.state = state_of(*state);
   link.restart_ms = take<std::uint32_t>(find(can, IFLA_CAN_RESTART_MS));

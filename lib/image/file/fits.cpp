@@ -10,6 +10,7 @@
 
 #include <fmt/format.h>
 
+#include "base/text.hpp"
 #include "image/file/rice.hpp"
 #include "image/simd.hpp"
 
@@ -53,8 +54,7 @@ std::optional<T> number(std::string_view text) {
 class Header {
  public:
   static Result<Header, Refusal> read(OctetView content) {
-    const std::string_view text(reinterpret_cast<const char*>(content.data()),
-                                std::min(content.size(), header_octets_most));
+    const std::string_view text = as_text(content).substr(0, header_octets_most);
     for (std::size_t at = 0; at + card_octets <= text.size(); at += card_octets) {
       if (trimmed(text.substr(at, card_octets)) == "END") return Header(text.substr(0, at));
     }

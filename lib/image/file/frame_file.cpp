@@ -14,6 +14,7 @@
 
 #include "base/fd.hpp"
 #include "base/file.hpp"
+#include "base/text.hpp"
 
 namespace srfs::image {
 namespace {
@@ -68,8 +69,7 @@ Result<Frame, Refusal> read_frame(const std::filesystem::path& path, FrameDecode
 }
 
 Result<void, Refusal> write_octets(const std::filesystem::path& path, OctetView content) {
-  const auto written = write_file_atomically(
-      path, std::string_view(reinterpret_cast<const char*>(content.data()), content.size()));
+  const auto written = write_file_atomically(path, as_text(content));
   if (!written) return Err(Refusal{written.error().message});
   return {};
 }

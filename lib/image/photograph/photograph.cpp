@@ -10,6 +10,7 @@
 #include <string_view>
 #include <utility>
 
+#include "base/text.hpp"
 #include "image/file/frame_file.hpp"
 #include "image/photograph/decoders.hpp"
 
@@ -33,7 +34,7 @@ constexpr std::array<std::pair<std::string_view, FrameDecoder>, 7> formats{{{"SI
                                                                             {"MM\0+"sv, decode_tiff}}};
 
 FrameDecoder decoder_of(OctetView content) {
-  const std::string_view text(reinterpret_cast<const char*>(content.data()), content.size());
+  const std::string_view text = as_text(content);
   const auto* const found = std::find_if(formats.begin(), formats.end(),
                                          [&](const auto& format) { return text.starts_with(format.first); });
   return found != formats.end() ? found->second : nullptr;

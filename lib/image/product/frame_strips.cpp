@@ -11,6 +11,7 @@
 #include <libaec.h>
 
 #include "base/crc32c.hpp"
+#include "base/text.hpp"
 #include "image/simd.hpp"
 
 namespace srfs::image {
@@ -147,7 +148,7 @@ void shift_right(std::uint16_t* values, std::size_t n, unsigned shift) {
 
 void append_header(Octets& out, const StripHeader& h) {
   OctetWriter w(strip_header_octets);
-  w.bytes(OctetView(reinterpret_cast<const std::uint8_t*>(marker.data()), marker.size()));
+  w.bytes(as_octets(marker));
   w.u8(version);
   w.u8(h.bits);
   w.u8(h.shift);
@@ -252,7 +253,7 @@ bool take_samples(const StripHeader& header, OctetView packed, Plane& pixels) {
 class StripReader {
  public:
   Result<StripsFound, Refusal> read(OctetView content) {
-    const std::string_view text(reinterpret_cast<const char*>(content.data()), content.size());
+    const std::string_view text = as_text(content);
     std::uint64_t used = 0;
     bool marked = false;
     for (std::size_t at = text.find(marker); at != std::string_view::npos;) {

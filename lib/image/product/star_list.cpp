@@ -8,6 +8,7 @@
 #include <fmt/format.h>
 
 #include "base/crc32c.hpp"
+#include "base/text.hpp"
 
 namespace srfs::image {
 namespace {
@@ -44,7 +45,7 @@ Octets encode_star_list(const std::vector<ListedStar>& stars) {
     body.u16(static_cast<std::uint16_t>(units(s.snr, snr_units, 0, 65535)));
   }
   OctetWriter all(star_list_header_octets + body.size());
-  all.bytes(OctetView(reinterpret_cast<const std::uint8_t*>(marker.data()), marker.size()));
+  all.bytes(as_octets(marker));
   all.u8(version);
   all.u24(0);
   all.u32(crc32c(body.view()));

@@ -5,6 +5,7 @@
 #include <mission/structures.hpp>
 
 #include "base/file.hpp"
+#include "base/text.hpp"
 #include "suite/commanding/messages.hpp"
 
 namespace srfs {
@@ -86,8 +87,7 @@ void CommandedNode::write_journal() {
   const std::uint64_t revision = journal_->revision();
   writing_ = store_->ask(
       [file = state_dir() / "telecommands", content = journal_->encode()] {
-        const auto written = write_file_atomically(
-            file, std::string_view(reinterpret_cast<const char*>(content.data()), content.size()));
+        const auto written = write_file_atomically(file, as_text(content));
         if (!written) log::error("telecommands cannot be stored: {}", written.error().message);
         return written.has_value();
       },

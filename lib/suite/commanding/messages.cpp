@@ -5,6 +5,7 @@
 #include "base/file.hpp"
 #include "base/log.hpp"
 #include "base/process.hpp"
+#include "base/text.hpp"
 #include "suite/state_files.hpp"
 
 namespace srfs {
@@ -43,9 +44,7 @@ TelecommandJournal read_journal(const std::filesystem::path& file) {
   TelecommandJournal journal(kernel_boot_id().value_or("unknown"));
   if (!std::filesystem::exists(file)) return journal;
   const auto content = read_file(file, largest_journal);
-  const bool usable =
-      content &&
-      journal.restore(OctetView(reinterpret_cast<const std::uint8_t*>(content->data()), content->size()));
+  const bool usable = content && journal.restore(as_octets(*content));
   if (!usable) {
     suite::set_aside_unreadable(file);
     log::error("stored telecommands and known ids are lost");

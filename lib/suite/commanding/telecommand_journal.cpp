@@ -7,6 +7,7 @@
 
 #include <mission/structures.hpp>
 
+#include "base/text.hpp"
 #include "wire/crc16.hpp"
 
 namespace srfs {
@@ -43,7 +44,7 @@ Octets TelecommandJournal::encode() const {
   OctetWriter out;
   out.u32(magic);
   out.u8(static_cast<std::uint8_t>(boot_id_.size()));
-  out.bytes(OctetView(reinterpret_cast<const std::uint8_t*>(boot_id_.data()), boot_id_.size()));
+  out.bytes(as_octets(boot_id_));
   out.u8(static_cast<std::uint8_t>(pending_.size()));
   for (const Pending& p : pending_) {
     out.u64(p.telecommand.id);

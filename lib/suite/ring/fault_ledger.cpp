@@ -17,6 +17,7 @@
 #include "base/crc32c.hpp"
 #include "base/file.hpp"
 #include "base/private_file.hpp"
+#include "base/text.hpp"
 
 namespace srfs::suite {
 namespace {
@@ -25,10 +26,6 @@ using Json = nlohmann::ordered_json;
 
 constexpr std::size_t longest_text = 200;
 constexpr std::size_t checksum_digits = 8;
-
-std::uint32_t checksum(std::string_view text) {
-  return crc32c({reinterpret_cast<const std::uint8_t*>(text.data()), text.size()});
-}
 
 Json optional_us(const std::optional<nanoseconds>& d) {
   return d ? Json(d->count() / 1000) : Json(nullptr);
@@ -140,14 +137,14 @@ std::string encode(const FaultRecord& record) {
          {"started_us", optional_us(record.started)},
          {"active_us", optional_us(record.active)}};
   const std::string text = j.dump(-1, ' ', false, Json::error_handler_t::replace);
-  return fmt::format("{}\t{:08x}", text, checksum(text));
+  return fmt::format("{}\t{:08x}", text, crc32c(as_octets(text)));
 }
 
 std::optional<FaultRecord> decode_fault(std::string_view line) {
   if (line.size() < checksum_digits + 1 || line[line.size() - checksum_digits - 1] != '\t')
     return std::nullopt;
   const std::string_view text = line.substr(0, line.size() - checksum_digits - 1);
-  if (line.substr(line.size() - checksum_digits) != fmt::format("{:08x}", checksum(text)))
+  if (line.substr(line.size() - checksum_digits) != fmt::format("{:08x}", crc32c(as_octets(text))))
     return std::nullopt;
   const Json j = Json::parse(text, nullptr, false);
   if (!j.is_object()) return std::nullopt;

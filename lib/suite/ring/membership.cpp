@@ -10,6 +10,7 @@
 
 #include "base/crc32c.hpp"
 #include "base/file.hpp"
+#include "base/text.hpp"
 
 namespace srfs::suite {
 namespace {
@@ -18,10 +19,6 @@ constexpr std::string_view head = "srfs ring membership 1\n";
 constexpr std::string_view generation_key = "generation ";
 constexpr std::string_view checksum_key = "crc32c ";
 constexpr std::size_t longest_file = 4096;
-
-std::uint32_t checksum(std::string_view text) {
-  return crc32c({reinterpret_cast<const std::uint8_t*>(text.data()), text.size()});
-}
 
 /// Takes one line off; nullopt when none is left.
 std::optional<std::string_view> take_line(std::string_view& text) {
@@ -49,7 +46,7 @@ std::optional<std::size_t> Membership::position_of(std::string_view node) const 
 std::string to_text(const Membership& membership) {
   std::string text = fmt::format("{}{}{}\n", head, generation_key, membership.generation);
   for (const std::string& member : membership.members) text += member + "\n";
-  return text + fmt::format("{}{:08x}\n", checksum_key, checksum(text));
+  return text + fmt::format("{}{:08x}\n", checksum_key, crc32c(as_octets(text)));
 }
 
 Result<Membership, std::string> membership_from_text(std::string_view text) {
@@ -58,7 +55,7 @@ Result<Membership, std::string> membership_from_text(std::string_view text) {
   if (sum_begin == std::string_view::npos || text.back() != '\n') return Err(std::string("cut off"));
   const auto sum = number(text.substr(sum_begin + checksum_key.size(), 8), 16);
   const bool ends_there = text.size() == sum_begin + checksum_key.size() + 9;
-  if (!sum || !ends_there || *sum != checksum(text.substr(0, sum_begin)))
+  if (!sum || !ends_there || *sum != crc32c(as_octets(text.substr(0, sum_begin))))
     return Err(std::string("wrong checksum"));
   std::string_view rest = text.substr(head.size(), sum_begin - head.size());
   const auto generation_line = take_line(rest);

@@ -8,15 +8,12 @@
 #include <fmt/format.h>
 
 #include "base/crc32c.hpp"
+#include "base/text.hpp"
 
 namespace srfs::suite {
 namespace {
 
 constexpr std::size_t most_deaths = 1000;  // the largest quarantine_deaths there is
-
-std::uint32_t checksum(std::string_view text) {
-  return crc32c({reinterpret_cast<const std::uint8_t*>(text.data()), text.size()});
-}
 
 }  // namespace
 
@@ -63,14 +60,14 @@ std::string encode(const DeathHistory& history) {
   std::string text = fmt::format("deaths1 {} {} {} {} {}", history.down ? 1 : 0, history.started.ns(),
                                  history.lived.count(), history.total, history.deaths.size());
   for (const nanoseconds t : history.deaths) text += fmt::format(" {}", t.count());
-  return text + fmt::format("\n{:08x}\n", checksum(text));
+  return text + fmt::format("\n{:08x}\n", crc32c(as_octets(text)));
 }
 
 std::optional<DeathHistory> decode_history(std::string_view text) {
   const std::size_t end = text.find('\n');
   if (end == std::string_view::npos) return std::nullopt;
   const std::string_view line = text.substr(0, end);
-  if (text.substr(end) != fmt::format("\n{:08x}\n", checksum(line))) return std::nullopt;
+  if (text.substr(end) != fmt::format("\n{:08x}\n", crc32c(as_octets(line)))) return std::nullopt;
   std::istringstream in{std::string(line)};
   std::string magic;
   int down = 0;

@@ -7,6 +7,7 @@
 #include <utility>
 
 #include "base/crc32c.hpp"
+#include "base/text.hpp"
 
 namespace srfs {
 namespace {
@@ -39,7 +40,7 @@ constexpr std::uint8_t flag_ended = 4;
 
 void write_text(OctetWriter& writer, const std::string& text) {
   writer.u8(static_cast<std::uint8_t>(text.size()));
-  writer.bytes(OctetView(reinterpret_cast<const std::uint8_t*>(text.data()), text.size()));
+  writer.bytes(as_octets(text));
 }
 
 std::string read_text(OctetReader& reader) {

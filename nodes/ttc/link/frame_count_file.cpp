@@ -11,6 +11,7 @@
 #include "base/crc32c.hpp"
 #include "base/fd.hpp"
 #include "base/octets.hpp"
+#include "base/text.hpp"
 #include "nodes/ttc/link/frame_count_page.hpp"
 
 namespace srfs {
@@ -35,7 +36,7 @@ std::optional<wire::TmFrameCounts> FrameCountReserve::wanted(const wire::TmFrame
 std::optional<wire::TmFrameCounts> FrameCountFile::load() const {
   const auto content = read_file(path_, file_octets);
   if (!content || content->size() != file_octets) return std::nullopt;
-  const OctetView octets(reinterpret_cast<const std::uint8_t*>(content->data()), content->size());
+  const OctetView octets = as_octets(*content);
   OctetReader reader(octets);
   const std::uint64_t word = reader.u64();
   if (reader.u32() != crc32c(octets.first(file_octets - check_octets))) return std::nullopt;

@@ -9,6 +9,8 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
+#include "base/text.hpp"
+
 namespace srfs {
 namespace {
 
@@ -27,7 +29,7 @@ LinkStateFile::Found LinkStateFile::load() {
     return found;
   }
   found.existed = true;
-  const OctetView octets(reinterpret_cast<const std::uint8_t*>(content->data()), content->size());
+  const OctetView octets = as_octets(*content);
   for (const unsigned slot : {0U, 1U}) {
     const std::size_t at = slot * copy_distance;
     std::optional<LinkState> copy;

@@ -12,6 +12,7 @@
 #include <unistd.h>
 
 #include "base/crc32c.hpp"
+#include "base/text.hpp"
 
 namespace srfs {
 namespace {
@@ -34,10 +35,6 @@ std::optional<std::uint32_t> segment_number(const std::filesystem::path& path) {
   if (path.extension() != ".seg" || stem.size() != 8 || error != std::errc{} || end != stem.data() + 8)
     return std::nullopt;
   return number;
-}
-
-OctetView as_octets(const std::string& text) {
-  return {reinterpret_cast<const std::uint8_t*>(text.data()), text.size()};
 }
 
 void sync_folder(const std::filesystem::path& folder) {
