@@ -2,13 +2,10 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "programs/srfs/added_node_commands.hpp"
 
-#include <iostream>
-
 #include <fmt/format.h>
-#include <nlohmann/json.hpp>
 
 #include "base/file.hpp"
-#include "programs/srfs/node_commands.hpp"
+#include "programs/srfs/answer.hpp"
 #include "suite/launcher.hpp"
 #include "suite/node_addition.hpp"
 #include "suite/node_versions.hpp"
@@ -16,19 +13,7 @@
 namespace srfs::tool {
 namespace {
 
-using Json = nlohmann::ordered_json;
-
 constexpr milliseconds patience_with_the_ring{4000};  // it may start the node first
-
-int fail(CommandExit exit, const std::string& why, bool json) {
-  if (json) {
-    std::cout << Json{{"ok", false}, {"error", why}}.dump(-1, ' ', false, Json::error_handler_t::replace)
-              << "\n";
-  } else {
-    fmt::print(stderr, "srfs: {}\n", why);
-  }
-  return static_cast<int>(exit);
-}
 
 /// What the manifest beside a package's sources (ground/README.md) says of its node.
 Result<suite::AddedNode, std::string> read_package(const std::filesystem::path& folder) {
@@ -101,24 +86,15 @@ int add_node(const Target& target, const std::filesystem::path& folder, const st
   if (!problem.empty())
     return fail(CommandExit::refused,
                 fmt::format("{} was added to the suite, but does not start: {}", node->name, problem), json);
-  if (json) {
-    std::cout << Json{{"ok", true}, {"node", node->name}, {"pid", pid ? Json(*pid) : Json(nullptr)}}.dump()
-              << "\n";
-  } else {
-    fmt::print("{} was added to the suite{}\n", node->name, pid ? fmt::format(", pid {}", *pid) : "");
-  }
-  return static_cast<int>(CommandExit::done);
+  return done(
+      fmt::format("{} was added to the suite{}", node->name, pid ? fmt::format(", pid {}", *pid) : ""), json,
+      {{"node", node->name}, {"pid", pid ? Json(*pid) : Json(nullptr)}});
 }
 
 int remove_node(const Target& target, const std::string& node, bool json) {
   const auto removed = suite::remove_node(target.var, node);
   if (!removed) return fail(CommandExit::refused, removed.error(), json);
-  if (json) {
-    std::cout << Json{{"ok", true}, {"node", node}}.dump() << "\n";
-  } else {
-    fmt::print("{} was removed from the suite\n", node);
-  }
-  return static_cast<int>(CommandExit::done);
+  return done(fmt::format("{} was removed from the suite", node), json, {{"node", node}});
 }
 
 int list_added_nodes(const Target& target, bool json) {

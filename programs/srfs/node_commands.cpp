@@ -28,7 +28,6 @@
 namespace srfs::tool {
 namespace {
 
-using Json = nlohmann::ordered_json;
 using lifecycle_msgs::srv::ChangeState;
 using ros::ParameterValue;
 using srfs_msgs::srv::GetExecutorStatistics;
@@ -40,20 +39,6 @@ constexpr milliseconds discovery_deadline{5000};
 
 int code(CommandExit e) {
   return static_cast<int>(e);
-}
-
-void print(const Json& json) {
-  std::cout << json.dump(-1, ' ', false, Json::error_handler_t::replace) << "\n";
-}
-
-/// Says why a command did not do what it should. @return its exit code
-int fail(CommandExit exit, const std::string& why, bool json) {
-  if (json) {
-    print({{"ok", false}, {"error", why}});
-  } else {
-    fmt::print(stderr, "srfs: {}\n", why);
-  }
-  return code(exit);
 }
 
 /// The bus of the running suite, or why a command cannot reach the node.

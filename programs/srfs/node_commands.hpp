@@ -6,18 +6,10 @@
 #include <string>
 #include <vector>
 
+#include "programs/srfs/answer.hpp"
 #include "programs/srfs/suite.hpp"
 
 namespace srfs::tool {
-
-/// Exit codes of the commands to one node.
-enum class CommandExit : int {
-  done = 0,
-  refused = 1,        ///< the node refused, or what was asked for failed
-  usage = 2,          ///< no such node, no such value
-  still_running = 3,  ///< a transition that has not ended within the deadline; it goes on
-  no_answer = 4,      ///< the node does not answer
-};
 
 /// `srfs lifecycle NODE TRANSITION`: requests a transition and waits for its end. A transition that takes
 /// longer is not taken for a failed one. Blocks up to @p deadline, plus 1.5 s to find the node.

@@ -7,38 +7,18 @@
 #include <map>
 
 #include <fmt/format.h>
-#include <nlohmann/json.hpp>
 
-#include "programs/srfs/node_commands.hpp"
+#include "programs/srfs/answer.hpp"
 #include "suite/ring/fault_ledger.hpp"
 #include "suite/ring/node_record.hpp"
 
 namespace srfs::tool {
 namespace {
 
-using Json = nlohmann::ordered_json;
 using suite::FaultRecord;
 using suite::RestartDecision;
 
 constexpr milliseconds longest_wait_for_lock{3000};
-
-int fail(CommandExit exit, const std::string& why, bool json) {
-  if (json) {
-    std::cout << Json{{"ok", false}, {"error", why}}.dump() << "\n";
-  } else {
-    fmt::print(stderr, "srfs: {}\n", why);
-  }
-  return static_cast<int>(exit);
-}
-
-int done(const std::string& what, bool json) {
-  if (json) {
-    std::cout << Json{{"ok", true}}.dump() << "\n";
-  } else {
-    fmt::print("{}\n", what);
-  }
-  return static_cast<int>(CommandExit::done);
-}
 
 std::string milliseconds_text(const std::optional<nanoseconds>& d) {
   return d ? fmt::format("{:.1f}", static_cast<double>(d->count()) / 1e6) : "-";
@@ -186,8 +166,7 @@ int show_ring(const Target& target, bool json) {
 }
 
 int hold_node(const Target& target, const std::string& node, const std::string& reason, bool json) {
-  if (target.deployment.find(node) == nullptr)
-    return fail(CommandExit::usage, fmt::format("no node '{}' in the deployment", node), json);
+  if (target.deployment.find(node) == nullptr) return no_node(node, json);
   const MonotonicTime now = monotonic_now();
   if (const auto held = suite::hold(target.var, target.deployment, node, reason, now); !held)
     return fail(CommandExit::refused, held.error(), json);
@@ -197,8 +176,7 @@ int hold_node(const Target& target, const std::string& node, const std::string& 
 }
 
 int release_node(const Target& target, const std::string& node, const std::string& state, bool json) {
-  if (target.deployment.find(node) == nullptr)
-    return fail(CommandExit::usage, fmt::format("no node '{}' in the deployment", node), json);
+  if (target.deployment.find(node) == nullptr) return no_node(node, json);
   if (!state.empty()) {
     const auto wanted = ros::primary_state(state);
     if (!wanted || *wanted == ros::State::finalized)

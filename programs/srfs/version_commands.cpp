@@ -6,32 +6,16 @@
 #include <iostream>
 
 #include <fmt/format.h>
-#include <nlohmann/json.hpp>
 
-#include "programs/srfs/node_commands.hpp"
+#include "programs/srfs/answer.hpp"
 #include "suite/launcher.hpp"
 #include "suite/node_versions.hpp"
 
 namespace srfs::tool {
 namespace {
 
-using Json = nlohmann::ordered_json;
 using update::VersionNumber;
 using update::VersionTable;
-
-int fail(CommandExit exit, const std::string& why, bool json) {
-  if (json) {
-    std::cout << Json{{"ok", false}, {"error", why}}.dump(-1, ' ', false, Json::error_handler_t::replace)
-              << "\n";
-  } else {
-    fmt::print(stderr, "srfs: {}\n", why);
-  }
-  return static_cast<int>(exit);
-}
-
-int no_node(const std::string& node, bool json) {
-  return fail(CommandExit::usage, fmt::format("no node '{}' in the deployment", node), json);
-}
 
 std::string name_of(VersionNumber version) {
   return version == update::golden ? "golden" : fmt::format("version {}", version);
@@ -58,7 +42,7 @@ std::optional<VersionNumber> running_version(const suite::VarPaths& var, const s
 /// Runs a change of a node's store and reports it.
 int change(const Target& target, const std::string& node, const std::string& version, bool json,
            Result<void, std::string> (update::VersionStore::*operation)(VersionNumber),
-           const std::string& done) {
+           const std::string& what) {
   if (target.deployment.find(node) == nullptr) return no_node(node, json);
   const auto number = parse_version(version, suite::read_versions(target.var, node).table);
   if (!number)
@@ -67,12 +51,7 @@ int change(const Target& target, const std::string& node, const std::string& ver
       target.var, node, [&](update::VersionStore& store) { return (store.*operation)(*number); });
   if (!changed)
     return fail(CommandExit::refused, fmt::format("{}: {}", name_of(*number), changed.error()), json);
-  if (json) {
-    std::cout << Json{{"ok", true}, {"version", *number}}.dump() << "\n";
-  } else {
-    fmt::print("{} of {} {}\n", name_of(*number), node, done);
-  }
-  return static_cast<int>(CommandExit::done);
+  return done(fmt::format("{} of {} {}", name_of(*number), node, what), json, {{"version", *number}});
 }
 
 }  // namespace
@@ -152,13 +131,9 @@ int add_version(const Target& target, const std::string& node, const std::filesy
         return {};
       });
   if (!added) return fail(CommandExit::refused, added.error(), json);
-  if (json) {
-    std::cout << Json{{"ok", true}, {"version", number}}.dump() << "\n";
-  } else {
-    fmt::print("version {} of {} is stored; `srfs versions use {} {}` starts it\n", number, node, node,
-               number);
-  }
-  return static_cast<int>(CommandExit::done);
+  return done(
+      fmt::format("version {0} of {1} is stored; `srfs versions use {1} {0}` starts it", number, node), json,
+      {{"version", number}});
 }
 
 int use_version(const Target& target, const std::string& node, const std::string& version,
@@ -179,21 +154,15 @@ int use_version(const Target& target, const std::string& node, const std::string
   if (launched && launched->fallback)
     return fail(CommandExit::refused, fmt::format("{} runs {}", node, to_text(*launched->fallback)), json);
   const bool on_trial = suite::read_versions(target.var, node).table.on_trial() != nullptr;
-  if (json) {
-    std::cout << Json{{"ok", true},
-                      {"version", *number},
-                      {"pid", launched ? Json(launched->pid) : Json(nullptr)},
-                      {"probation", on_trial}}
-                     .dump()
-              << "\n";
-  } else {
-    fmt::print("{} {} {}{}\n", node, launched ? "runs" : "has", name_of(*number),
-               on_trial ? fmt::format(", on probation for {} s", probation / seconds(1)) : "");
-    if (on_trial && suite::needs_confirmation(ring, node))
-      fmt::print("it is rolled back unless `srfs versions confirm {} {}` comes within this time\n", node,
-                 *number);
-  }
-  return static_cast<int>(CommandExit::done);
+  std::string what = fmt::format("{} {} {}", node, launched ? "runs" : "has", name_of(*number));
+  if (on_trial) what += fmt::format(", on probation for {} s", probation / seconds(1));
+  if (on_trial && suite::needs_confirmation(ring, node))
+    what += fmt::format("\nit is rolled back unless `srfs versions confirm {} {}` comes within this time",
+                        node, *number);
+  return done(what, json,
+              {{"version", *number},
+               {"pid", launched ? Json(launched->pid) : Json(nullptr)},
+               {"probation", on_trial}});
 }
 
 int confirm_version(const Target& target, const std::string& node, const std::string& version, bool json) {
