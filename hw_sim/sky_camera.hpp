@@ -11,7 +11,7 @@
 #include <Eigen/Geometry>
 
 #include "base/time.hpp"
-#include "hw_sim/sky_frame.hpp"
+#include "hw_sim/sky.hpp"
 #include "image/frame.hpp"
 
 namespace srfs::sim {

@@ -16,10 +16,10 @@
 #include <Eigen/Dense>
 #include <nlohmann/json.hpp>
 
-#include "hw_sim/sky_frame.hpp"
 #include "image/file/frame_file.hpp"
 #include "image/star_catalogue.hpp"
 #include "tests/bench/lossless.hpp"
+#include "tests/sky/sky_frame.hpp"
 
 namespace {
 

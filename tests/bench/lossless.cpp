@@ -11,8 +11,8 @@
 
 #include <fitsio.h>
 
-#include "hw_sim/sky_frame.hpp"
 #include "image/product/frame_strips.hpp"
+#include "tests/sky/sky_frame.hpp"
 
 namespace srfs::bench {
 namespace {

@@ -5,8 +5,8 @@
 #include <algorithm>
 #include <cmath>
 
-#include "hw_sim/sky_frame.hpp"
 #include "image/frame.hpp"
+#include "tests/sky/sky_frame.hpp"
 
 namespace srfs::image {
 

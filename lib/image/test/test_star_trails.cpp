@@ -7,7 +7,7 @@
 
 #include <gtest/gtest.h>
 
-#include "hw_sim/sky_frame.hpp"
+#include "tests/sky/sky_frame.hpp"
 
 namespace srfs::image {
 namespace {

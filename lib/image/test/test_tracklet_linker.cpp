@@ -6,7 +6,7 @@
 
 #include <gmock/gmock.h>
 
-#include "hw_sim/sky_frame.hpp"
+#include "tests/sky/sky_frame.hpp"
 
 namespace srfs::image {
 namespace {

@@ -2,9 +2,10 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
-#include <array>
 #include <cstdint>
 #include <vector>
+
+#include "hw_sim/sky.hpp"
 
 /// Frames of a star field as a camera in orbit sees them, from the physics of the detector, with known truth.
 /// Pure; the same scene gives the same frame on every machine of one floating-point format.
@@ -35,42 +36,11 @@ struct SkyScene {
   std::uint64_t pattern_seed = 0;
 };
 
-struct SkyStar {
-  double x;
-  double y;
-  double flux_e;
-};
-
-/// A moving object: its light lies evenly between the ends.
-struct SkyStreak {
-  double x1;
-  double y1;
-  double x2;
-  double y2;
-  double flux_e;
-};
-
 /// What the best estimator could reach for a star alone: Fisher information of position and flux.
 struct StarLimits {
   double snr;  ///< of the flux, shot noise of the star included
   double x_px;
   double y_px;
-};
-
-/// Reproducible numbers; the standard's distributions differ between libraries.
-class SkyRandom {
- public:
-  explicit SkyRandom(std::uint64_t seed) : state_(seed) {}
-  double uniform();  ///< [0, 1)
-  double uniform(double from, double to) { return from + (to - from) * uniform(); }
-  double normal();
-  double poisson(double mean);  ///< rounded normal above 50
-
- private:
-  std::uint64_t next();
-  std::uint64_t state_;
-  double spare_ = 0;
-  bool has_spare_ = false;
 };
 
 /// @return the frame in ADU, row by row

@@ -1,8 +1,9 @@
 // SPDX-FileCopyrightText: 2026 SRFS contributors
 // SPDX-License-Identifier: Apache-2.0
-#include "hw_sim/sky_frame.hpp"
+#include "tests/sky/sky_frame.hpp"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <numbers>
 
@@ -130,39 +131,6 @@ void add_cosmic_ray(const SkyScene& scene, SkyRandom& random, std::vector<double
 }
 
 }  // namespace
-
-std::uint64_t SkyRandom::next() {  // SplitMix64
-  state_ += 0x9E3779B97F4A7C15U;
-  std::uint64_t z = state_;
-  z = (z ^ (z >> 30)) * 0xBF58476D1CE4E5B9U;
-  z = (z ^ (z >> 27)) * 0x94D049BB133111EBU;
-  return z ^ (z >> 31);
-}
-
-double SkyRandom::uniform() {
-  return static_cast<double>(next() >> 11) * 0x1.0p-53;
-}
-
-double SkyRandom::normal() {
-  if (has_spare_) {
-    has_spare_ = false;
-    return spare_;
-  }
-  const double r = std::sqrt(-2 * std::log(1 - uniform()));
-  const double angle = 2 * pi * uniform();
-  spare_ = r * std::sin(angle);
-  has_spare_ = true;
-  return r * std::cos(angle);
-}
-
-double SkyRandom::poisson(double mean) {
-  if (mean > 50) return std::max(0.0, std::round(mean + std::sqrt(mean) * normal()));
-  const double limit = std::exp(-mean);
-  double product = uniform();
-  int n = 0;
-  for (; product > limit && n < 500; ++n) product *= uniform();
-  return n;
-}
 
 std::vector<float> render_sky(const SkyScene& scene, const std::vector<SkyStar>& stars,
                               const std::vector<SkyStreak>& streaks) {
