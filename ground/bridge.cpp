@@ -5,12 +5,12 @@
 #include <algorithm>
 #include <array>
 #include <cerrno>
-#include <charconv>
 
 #include <arpa/inet.h>
 #include <fmt/format.h>
 #include <sys/socket.h>
 
+#include "base/text.hpp"
 #include "wire/cltu.hpp"
 #include "wire/crc16.hpp"
 #include "wire/tc_frame.hpp"
@@ -29,14 +29,11 @@ std::optional<sockaddr_in> parse_udp_address(std::string_view text) {
   const std::size_t colon = text.rfind(':');
   const std::string host(colon == std::string_view::npos ? "127.0.0.1" : text.substr(0, colon));
   const std::string_view port = colon == std::string_view::npos ? text : text.substr(colon + 1);
-  std::uint16_t number = 0;
-  const auto [end, error] = std::from_chars(port.data(), port.data() + port.size(), number);
+  const auto number = to_number<std::uint16_t>(port);
   sockaddr_in address{};
   address.sin_family = AF_INET;
-  if (error != std::errc() || end != port.data() + port.size() ||
-      inet_pton(AF_INET, host.c_str(), &address.sin_addr) != 1)
-    return std::nullopt;
-  address.sin_port = htons(number);
+  if (!number || inet_pton(AF_INET, host.c_str(), &address.sin_addr) != 1) return std::nullopt;
+  address.sin_port = htons(*number);
   return address;
 }
 

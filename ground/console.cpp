@@ -5,7 +5,6 @@
 #include <algorithm>
 #include <array>
 #include <cerrno>
-#include <charconv>
 #include <cstdio>
 #include <cstdlib>
 #include <sstream>
@@ -18,6 +17,7 @@
 #include <mission/structures.hpp>
 
 #include "base/signals.hpp"
+#include "base/text.hpp"
 #include "cfdp/safe_name.hpp"
 #include "ground/terminal_text.hpp"
 
@@ -683,10 +683,9 @@ bool Console::on_cop_line(const std::string& verb, const std::vector<std::string
   } else if (verb == "unlock" && words.empty()) {
     station_.unlock();
   } else if (verb == "setvr" && words.size() == 1) {
-    std::uint8_t vr = 0;
-    const auto [end, error] = std::from_chars(words[0].data(), words[0].data() + words[0].size(), vr);
-    if (error != std::errc() || end != words[0].data() + words[0].size()) return false;
-    station_.set_vr(vr);
+    const auto vr = to_number<std::uint8_t>(words[0]);
+    if (!vr) return false;
+    station_.set_vr(*vr);
   } else if (verb == "clcw" && words.empty()) {
     on_cop(station_.cop());
   } else {

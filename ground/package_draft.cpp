@@ -3,7 +3,6 @@
 #include "ground/package_draft.hpp"
 
 #include <algorithm>
-#include <charconv>
 #include <cmath>
 #include <map>
 
@@ -123,13 +122,8 @@ Result<Files, std::string> collect(const PackageDraft& draft) {
 Json to_json(const std::string& text, bool quoted) {
   if (quoted || text.empty()) return text;
   if (text == "true" || text == "false") return text == "true";
-  const char* const end = text.data() + text.size();
-  std::int64_t integer = 0;
-  if (const auto read = std::from_chars(text.data(), end, integer); read.ec == std::errc() && read.ptr == end)
-    return integer;
-  double number = 0;
-  const auto read = std::from_chars(text.data(), end, number);
-  if (read.ec == std::errc() && read.ptr == end && std::isfinite(number)) return number;
+  if (const auto integer = to_number<std::int64_t>(text)) return *integer;
+  if (const auto number = to_number<double>(text); number && std::isfinite(*number)) return *number;
   return text;
 }
 

@@ -3,12 +3,12 @@
 #include "ground/remote.hpp"
 
 #include <algorithm>
-#include <charconv>
 #include <cmath>
 
 #include <fmt/format.h>
 #include <mission/structures.hpp>
 
+#include "base/text.hpp"
 #include "ground/terminal_text.hpp"
 
 namespace srfs::ground {
@@ -42,9 +42,7 @@ TelecommandText about(const std::string& command, const std::string& path, const
 }
 
 bool is_number(const std::string& word) {
-  std::uint64_t number = 0;
-  const auto [end, error] = std::from_chars(word.data(), word.data() + word.size(), number);
-  return error == std::errc() && end == word.data() + word.size();
+  return to_number<std::uint64_t>(word).has_value();
 }
 
 /// Ids of copies, or folders (ending with '/'; "all" is the folder of files).

@@ -3,10 +3,11 @@
 #include "ground/script.hpp"
 
 #include <algorithm>
-#include <charconv>
 #include <sstream>
 
 #include <fmt/format.h>
+
+#include "base/text.hpp"
 
 namespace srfs::ground {
 namespace {
@@ -95,10 +96,9 @@ Result<ScriptStep, std::string> step_of(Words words) {
     return step;
   }
   if (verb == "setvr" && words.size() == 1) {
-    const std::string& number = words[0];
-    const auto [end, error] = std::from_chars(number.data(), number.data() + number.size(), step.vr);
-    if (error != std::errc() || end != number.data() + number.size())
-      return Err(fmt::format("'{}' is not a V(R) of 0 to 255", number));
+    const auto vr = to_number<std::uint8_t>(words[0]);
+    if (!vr) return Err(fmt::format("'{}' is not a V(R) of 0 to 255", words[0]));
+    step.vr = *vr;
     step.kind = Kind::set_vr;
     return step;
   }

@@ -2,10 +2,11 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "ground/time_tag.hpp"
 
-#include <charconv>
 #include <cmath>
 #include <string>
 #include <utility>
+
+#include "base/text.hpp"
 
 namespace srfs::ground {
 namespace {
@@ -26,9 +27,7 @@ std::optional<milliseconds> parse_duration(std::string_view text) {
     factor_ms = factor;
     break;
   }
-  double value = 0;
-  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
-  if (error != std::errc() || end != text.data() + text.size()) return std::nullopt;
+  const double value = to_number<double>(text).value_or(-1);
   if (!std::isfinite(value) || value < 0 || value * factor_ms > longest_s * 1000) return std::nullopt;
   return milliseconds(static_cast<std::int64_t>(value * factor_ms));
 }

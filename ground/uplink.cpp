@@ -3,12 +3,12 @@
 #include "ground/uplink.hpp"
 
 #include <algorithm>
-#include <charconv>
 
 #include <fmt/format.h>
 #include <nlohmann/json.hpp>
 
 #include "base/file.hpp"
+#include "base/text.hpp"
 
 namespace srfs::ground {
 namespace {
@@ -58,11 +58,9 @@ std::map<std::uint16_t, std::uint64_t> numbers_of(const nlohmann::json& json, st
   std::map<std::uint16_t, std::uint64_t> numbers;
   if (!json.is_object()) return numbers;
   for (const auto& [key, value] : json.items()) {
-    std::uint16_t number = 0;
-    const auto [end, error] = std::from_chars(key.data(), key.data() + key.size(), number);
-    const bool whole = error == std::errc() && end == key.data() + key.size();
-    if (whole && value.is_number_unsigned() && value.get<std::uint64_t>() < limit)
-      numbers[number] = value.get<std::uint64_t>();
+    const auto number = to_number<std::uint16_t>(key);
+    if (number && value.is_number_unsigned() && value.get<std::uint64_t>() < limit)
+      numbers[*number] = value.get<std::uint64_t>();
   }
   return numbers;
 }

@@ -16,6 +16,7 @@
 #include <unistd.h>
 
 #include "base/file.hpp"
+#include "base/text.hpp"
 
 namespace srfs {
 
@@ -96,10 +97,8 @@ void for_each_thread(pid_t pid, const std::function<bool(pid_t tid)>& visit) {
   std::error_code ec;
   for (auto entry = std::filesystem::directory_iterator("/proc/" + std::to_string(pid) + "/task", ec);
        !ec && entry != std::filesystem::directory_iterator(); entry.increment(ec)) {
-    const std::string name = entry->path().filename();
-    pid_t tid = 0;
-    const auto [end, error] = std::from_chars(name.data(), name.data() + name.size(), tid);
-    if (error == std::errc() && end == name.data() + name.size() && !visit(tid)) return;
+    const auto tid = to_number<pid_t>(entry->path().filename().string());
+    if (tid && !visit(*tid)) return;
   }
 }
 

@@ -2,7 +2,10 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <charconv>
+#include <optional>
 #include <string_view>
+#include <type_traits>
 
 #include "base/octets.hpp"
 
@@ -16,6 +19,20 @@ namespace srfs {
 /// The same memory seen as text. @pre it outlives the view
 [[nodiscard]] inline std::string_view as_text(OctetView octets) {
   return {reinterpret_cast<const char*>(octets.data()), octets.size()};
+}
+
+/// The number that the whole of a text is; without spaces and plus sign. Real numbers may be infinite or NaN.
+/// @return nullopt: it is none, or beyond what T holds
+template <class T>
+[[nodiscard]] std::optional<T> to_number(std::string_view text, int base = 10) {
+  T value{};
+  const char* const end = text.data() + text.size();
+  std::from_chars_result read{};
+  if constexpr (std::is_floating_point_v<T>)
+    read = std::from_chars(text.data(), end, value);
+  else
+    read = std::from_chars(text.data(), end, value, base);
+  return read.ec == std::errc() && read.ptr == end ? std::optional(value) : std::nullopt;
 }
 
 }  // namespace srfs

@@ -3,23 +3,21 @@
 #include "hw/open.hpp"
 
 #include <algorithm>
-#include <charconv>
 #include <optional>
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 #include <net/if.h>
 
+#include "base/text.hpp"
 #include "hw/backends.hpp"
 
 namespace srfs::hw {
 namespace {
 
-std::optional<unsigned> to_number(std::string_view text, unsigned highest) {
-  unsigned value = 0;
-  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
-  if (error != std::errc{} || end != text.data() + text.size() || value > highest) return std::nullopt;
-  return value;
+std::optional<unsigned> number_up_to(std::string_view text, unsigned highest) {
+  const auto value = to_number<unsigned>(text);
+  return value && *value <= highest ? value : std::nullopt;
 }
 
 Result<DeviceUri, HwError> parse_without_query(std::string_view uri,
@@ -36,8 +34,8 @@ Result<std::map<std::uint8_t, unsigned>, HwError> chip_offsets(std::string_view 
                                                                const DeviceUri& parsed) {
   std::map<std::uint8_t, unsigned> offsets;
   for (const auto& [key, value] : parsed.query) {
-    const auto line = to_number(key, gpio_first_input + gpio_input_count - 1);
-    const auto offset = to_number(value, 1023);
+    const auto line = number_up_to(key, gpio_first_input + gpio_input_count - 1);
+    const auto offset = number_up_to(value, 1023);
     if (!line || !offset) {
       return Err(HwError{fmt::format(
           "device '{}': '{}={}', expected LINE=OFFSET with line 0-11 and offset 0-1023", uri, key, value)});
@@ -117,7 +115,7 @@ Result<std::unique_ptr<PulseSource>, HwError> open_pulse(std::string_view uri,
   const auto path = below_var(parsed->rest, var_dir);
   if (parsed->scheme == "gpiochip") {
     const bool named = parsed->query.size() == 1 && parsed->query.front().first == "line";
-    const auto line = named ? to_number(parsed->query.front().second, 1023) : std::nullopt;
+    const auto line = named ? number_up_to(parsed->query.front().second, 1023) : std::nullopt;
     if (!line) return Err(HwError{fmt::format("device '{}': expected ?line=<offset on the chip>", uri)});
     return make_gpio_pulse(std::string(uri), path, *line);
   }

@@ -3,13 +3,13 @@
 #include "image/method.hpp"
 
 #include <array>
-#include <charconv>
 #include <cmath>
 #include <limits>
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
+#include "base/text.hpp"
 #include "image/picture.hpp"
 #include "image/plate_solver.hpp"
 #include "image/star_trails.hpp"
@@ -317,9 +317,8 @@ Result<Parameters, Refusal> Parameters::parse(std::span<const ParameterSpec> spe
     if (equals == std::string::npos)
       return Err(Refusal{fmt::format("parameter '{}' has no value: expected {}=NUMBER", name, name)});
     const std::string_view number = std::string_view(text).substr(equals + 1);
-    double value = 0;
-    const auto [end, error] = std::from_chars(number.data(), number.data() + number.size(), value);
-    if (error != std::errc{} || end != number.data() + number.size() || !std::isfinite(value))
+    const double value = to_number<double>(number).value_or(NAN);
+    if (!std::isfinite(value))
       return Err(Refusal{fmt::format("parameter '{}': '{}' is not a number", name, number)});
     if (value < spec->least || value > spec->most)
       return Err(Refusal{

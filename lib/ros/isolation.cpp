@@ -3,10 +3,11 @@
 #include "ros/isolation.hpp"
 
 #include <algorithm>
-#include <charconv>
 #include <string_view>
 
 #include <fmt/format.h>
+
+#include "base/text.hpp"
 
 namespace srfs::ros {
 namespace {
@@ -48,10 +49,9 @@ std::optional<SuiteIdentity> find_identity(OctetView user_data) {
   if (first == std::string_view::npos || first == last) return std::nullopt;
   SuiteIdentity identity{std::string(value.substr(0, first)),
                          std::string(value.substr(first + 1, last - first - 1)), 0};
-  const std::string_view number = value.substr(last + 1);
-  const auto [rest, error] =
-      std::from_chars(number.data(), number.data() + number.size(), identity.incarnation);
-  if (error != std::errc() || rest != number.data() + number.size()) return std::nullopt;
+  const auto incarnation = to_number<decltype(identity.incarnation)>(value.substr(last + 1));
+  if (!incarnation) return std::nullopt;
+  identity.incarnation = *incarnation;
   return identity;
 }
 

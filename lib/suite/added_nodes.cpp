@@ -3,7 +3,6 @@
 #include "suite/added_nodes.hpp"
 
 #include <algorithm>
-#include <charconv>
 
 #include <fmt/format.h>
 #include <sys/stat.h>
@@ -126,12 +125,9 @@ Result<AddedNodes, std::string> added_nodes_from_text(const std::string& text) {
   if (sum_begin == std::string::npos ||
       text.size() != sum_begin + checksum_key.size() + checksum_octets + 1 || text.back() != '\n')
     return Err(std::string("cut off"));
-  std::uint32_t sum = 0;
-  const char* const digits = text.data() + sum_begin + checksum_key.size();
-  const auto [end, error] = std::from_chars(digits, digits + checksum_octets, sum, 16);
-  if (error != std::errc() || end != digits + checksum_octets ||
-      sum != crc32c(as_octets(std::string_view(text).substr(0, sum_begin))))
-    return Err(std::string("wrong checksum"));
+  const std::string_view all = text;
+  const auto sum = to_number<std::uint32_t>(all.substr(sum_begin + checksum_key.size(), checksum_octets), 16);
+  if (sum != crc32c(as_octets(all.substr(0, sum_begin)))) return Err(std::string("wrong checksum"));
   try {
     const ConfigSection root = ConfigSection::parse(text, "added_nodes");
     (void)root.integer("format", format, format);

@@ -3,12 +3,13 @@
 #include "msgs/mission/dictionary.hpp"
 
 #include <algorithm>
-#include <charconv>
 #include <cmath>
 #include <limits>
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>
+
+#include "base/text.hpp"
 
 namespace srfs::mission {
 namespace {
@@ -315,9 +316,8 @@ class ArgumentText {
 
   Result<void, CommandError> write_float(const Field& field, std::string_view text, OctetWriter& out) const {
     const std::string_view digits = without_unit(text, field.unit);
-    double value = 0;
-    const auto [end, fault] = std::from_chars(digits.data(), digits.data() + digits.size(), value);
-    if (fault != std::errc{} || end != digits.data() + digits.size() || !std::isfinite(value)) {
+    const double value = to_number<double>(digits).value_or(NAN);
+    if (!std::isfinite(value)) {
       return error(field, "'{}' is not a number{}", text, field.unit.empty() ? "" : " of " + field.unit);
     }
     if (field.range && !field.range->contains(value)) {
@@ -383,8 +383,9 @@ class ArgumentText {
     if (value.negative) text.remove_prefix(1);
     const int base = text.starts_with("0x") ? 16 : 10;
     if (base == 16) text.remove_prefix(2);
-    const auto [end, fault] = std::from_chars(text.data(), text.data() + text.size(), value.magnitude, base);
-    if (fault != std::errc{} || end != text.data() + text.size() || text.empty()) return std::nullopt;
+    const auto magnitude = to_number<decltype(value.magnitude)>(text, base);
+    if (!magnitude) return std::nullopt;
+    value.magnitude = *magnitude;
     return value;
   }
 

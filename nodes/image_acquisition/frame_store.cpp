@@ -3,7 +3,6 @@
 #include "nodes/image_acquisition/frame_store.hpp"
 
 #include <algorithm>
-#include <charconv>
 
 #include <fmt/format.h>
 
@@ -22,11 +21,8 @@ constexpr std::size_t number_digits = 4;
 
 template <class T>
 std::optional<T> whole_number(const std::string& text, std::size_t digits) {
-  T value = 0;
-  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
-  if (text.size() != digits || error != std::errc{} || end != text.data() + text.size() || value == 0)
-    return std::nullopt;
-  return value;
+  const auto value = to_number<T>(text);
+  return text.size() == digits && value != T{0} ? value : std::nullopt;
 }
 
 FrameStanding standing_of(const fs::path& frame) {

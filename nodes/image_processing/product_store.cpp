@@ -3,7 +3,6 @@
 #include "nodes/image_processing/product_store.hpp"
 
 #include <algorithm>
-#include <charconv>
 
 #include <fmt/format.h>
 
@@ -17,11 +16,7 @@ constexpr std::size_t task_digits = 10;
 
 std::optional<std::uint32_t> task_of(const std::filesystem::path& folder) {
   const std::string name = folder.filename().string();
-  std::uint32_t number = 0;
-  const auto [end, error] = std::from_chars(name.data(), name.data() + name.size(), number);
-  if (name.size() != task_digits || error != std::errc{} || end != name.data() + name.size())
-    return std::nullopt;
-  return number;
+  return name.size() == task_digits ? to_number<std::uint32_t>(name) : std::nullopt;
 }
 
 std::uint64_t size_of(const std::filesystem::path& file) {

@@ -4,7 +4,6 @@
 
 #include <algorithm>
 #include <cerrno>
-#include <charconv>
 #include <limits>
 #include <sstream>
 
@@ -14,19 +13,12 @@
 #include <unistd.h>
 
 #include "base/file.hpp"
+#include "base/text.hpp"
 
 namespace srfs::tool {
 namespace {
 
 namespace fs = std::filesystem;
-
-template <class T>
-std::optional<T> to_number(std::string_view text, int base = 10) {
-  T value{};
-  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value, base);
-  return error == std::errc() && end == text.data() + text.size() && !text.empty() ? std::optional(value)
-                                                                                   : std::nullopt;
-}
 
 bool is_number(const std::string& name) {
   return !name.empty() && name.find_first_not_of("0123456789") == std::string::npos;

@@ -2,11 +2,11 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "programs/srfs/version_commands.hpp"
 
-#include <charconv>
 #include <iostream>
 
 #include <fmt/format.h>
 
+#include "base/text.hpp"
 #include "programs/srfs/answer.hpp"
 #include "suite/launcher.hpp"
 #include "suite/node_versions.hpp"
@@ -25,10 +25,7 @@ std::string name_of(VersionNumber version) {
 std::optional<VersionNumber> parse_version(const std::string& text, const VersionTable& table) {
   if (text == "golden") return update::golden;
   if (text == "previous") return table.previous();
-  VersionNumber number = 0;
-  const char* const end = text.data() + text.size();
-  const auto [stop, error] = std::from_chars(text.data(), end, number);
-  return error == std::errc() && stop == end ? std::optional(number) : std::nullopt;
+  return to_number<VersionNumber>(text);
 }
 
 /// The version that the node's living process runs.

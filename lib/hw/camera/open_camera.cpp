@@ -1,21 +1,18 @@
 // SPDX-FileCopyrightText: 2026 SRFS contributors
 // SPDX-License-Identifier: Apache-2.0
-#include <charconv>
 
 #include <fmt/format.h>
 
+#include "base/text.hpp"
 #include "hw/camera/camera_backends.hpp"
 #include "hw/open.hpp"
 
 namespace srfs::hw {
 namespace {
 
-std::optional<double> to_number(const std::string& text, double lowest, double highest) {
-  double value = 0;
-  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
-  if (error != std::errc{} || end != text.data() + text.size()) return std::nullopt;
-  if (!(value >= lowest && value <= highest)) return std::nullopt;
-  return value;
+std::optional<double> number_within(const std::string& text, double lowest, double highest) {
+  const auto value = to_number<double>(text);
+  return value && *value >= lowest && *value <= highest ? value : std::nullopt;
 }
 
 /// @return whether it is an option with a good value
@@ -27,17 +24,17 @@ bool take_option(V4l2Options& options, const std::string& key, const std::string
     return !text.empty();
   }
   if (key == "width" || key == "height") {
-    const auto pixels = to_number(text, 16, 16384);
+    const auto pixels = number_within(text, 16, 16384);
     (key == "width" ? options.width : options.height) = static_cast<std::uint32_t>(pixels.value_or(0));
     return pixels.has_value();
   }
   if (key == "exposure_us") {
-    const auto exposure = to_number(text, 1, 60'000'000);
+    const auto exposure = number_within(text, 1, 60'000'000);
     options.fixed_exposure = microseconds(static_cast<std::int64_t>(exposure.value_or(0)));
     return exposure.has_value();
   }
   if (key != "line_us" && key != "gain_step_db") return false;
-  const auto value = to_number(text, 0.001, 10'000);
+  const auto value = number_within(text, 0.001, 10'000);
   (key == "line_us" ? options.line_us : options.gain_step_db) = value.value_or(0);
   return value.has_value();
 }

@@ -3,7 +3,6 @@
 #include "image/file/fits.hpp"
 
 #include <algorithm>
-#include <charconv>
 #include <chrono>
 #include <cmath>
 #include <string_view>
@@ -43,11 +42,7 @@ std::string_view trimmed(std::string_view text) {
 
 template <class T>
 std::optional<T> number(std::string_view text) {
-  if (!text.empty() && text.front() == '+') text.remove_prefix(1);
-  T value{};
-  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
-  if (error != std::errc{} || end != text.data() + text.size()) return std::nullopt;
-  return value;
+  return to_number<T>(text.starts_with('+') ? text.substr(1) : text);
 }
 
 /// The lines of a header, up to END.

@@ -3,12 +3,13 @@
 #include "image/file/frame_mark.hpp"
 
 #include <algorithm>
-#include <charconv>
 #include <cstdlib>
 #include <string>
 #include <vector>
 
 #include <fmt/format.h>
+
+#include "base/text.hpp"
 
 namespace srfs::image {
 namespace {
@@ -55,10 +56,7 @@ std::vector<std::string_view> lines_of(std::string_view text) {
 }
 
 std::optional<ProcessingRun> run_in(std::string_view text) {
-  ProcessingRun run = 0;
-  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), run, 16);
-  if (error != std::errc{} || end != text.data() + text.size()) return std::nullopt;
-  return run;
+  return to_number<ProcessingRun>(text, 16);
 }
 
 /// Empty: no such mark.

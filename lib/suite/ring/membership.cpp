@@ -3,7 +3,6 @@
 #include "suite/ring/membership.hpp"
 
 #include <algorithm>
-#include <charconv>
 #include <cstdio>
 
 #include <fmt/format.h>
@@ -29,12 +28,6 @@ std::optional<std::string_view> take_line(std::string_view& text) {
   return line;
 }
 
-std::optional<std::uint32_t> number(std::string_view text, int base) {
-  std::uint32_t value = 0;
-  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value, base);
-  return error == std::errc() && end == text.data() + text.size() ? std::optional(value) : std::nullopt;
-}
-
 }  // namespace
 
 std::optional<std::size_t> Membership::position_of(std::string_view node) const {
@@ -53,7 +46,7 @@ Result<Membership, std::string> membership_from_text(std::string_view text) {
   if (!text.starts_with(head)) return Err(std::string("not a ring membership"));
   const auto sum_begin = text.rfind(checksum_key);
   if (sum_begin == std::string_view::npos || text.back() != '\n') return Err(std::string("cut off"));
-  const auto sum = number(text.substr(sum_begin + checksum_key.size(), 8), 16);
+  const auto sum = to_number<std::uint32_t>(text.substr(sum_begin + checksum_key.size(), 8), 16);
   const bool ends_there = text.size() == sum_begin + checksum_key.size() + 9;
   if (!sum || !ends_there || *sum != crc32c(as_octets(text.substr(0, sum_begin))))
     return Err(std::string("wrong checksum"));
@@ -61,7 +54,7 @@ Result<Membership, std::string> membership_from_text(std::string_view text) {
   const auto generation_line = take_line(rest);
   if (!generation_line || !generation_line->starts_with(generation_key))
     return Err(std::string("no generation"));
-  const auto generation = number(generation_line->substr(generation_key.size()), 10);
+  const auto generation = to_number<std::uint32_t>(generation_line->substr(generation_key.size()));
   if (!generation || *generation == 0) return Err(std::string("no generation"));
   Membership membership{*generation, {}};
   while (const auto line = take_line(rest)) {

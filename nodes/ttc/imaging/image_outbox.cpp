@@ -4,7 +4,6 @@
 
 #include <algorithm>
 #include <cerrno>
-#include <charconv>
 
 #include <fcntl.h>
 #include <fmt/format.h>
@@ -15,6 +14,7 @@
 
 #include "base/fd.hpp"
 #include "base/log.hpp"
+#include "base/text.hpp"
 #include "image/file/frame_mark.hpp"
 
 namespace srfs {
@@ -33,8 +33,9 @@ constexpr int name_attempts = 9;
 template <class Number>
 bool take(std::string_view& rest, std::size_t digits, Number& number, int base = 10) {
   if (rest.size() <= digits || rest[digits] != '_') return false;
-  const auto [end, error] = std::from_chars(rest.data(), rest.data() + digits, number, base);
-  if (error != std::errc() || end != rest.data() + digits) return false;
+  const auto found = to_number<Number>(rest.substr(0, digits), base);
+  if (!found) return false;
+  number = *found;
   rest.remove_prefix(digits + 1);
   return true;
 }

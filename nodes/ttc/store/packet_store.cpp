@@ -4,7 +4,6 @@
 
 #include <algorithm>
 #include <cerrno>
-#include <charconv>
 
 #include <fcntl.h>
 #include <fmt/format.h>
@@ -30,11 +29,7 @@ Octets segment_header(std::uint32_t number) {
 
 std::optional<std::uint32_t> segment_number(const std::filesystem::path& path) {
   const std::string stem = path.stem().string();
-  std::uint32_t number = 0;
-  const auto [end, error] = std::from_chars(stem.data(), stem.data() + stem.size(), number, 16);
-  if (path.extension() != ".seg" || stem.size() != 8 || error != std::errc{} || end != stem.data() + 8)
-    return std::nullopt;
-  return number;
+  return path.extension() == ".seg" && stem.size() == 8 ? to_number<std::uint32_t>(stem, 16) : std::nullopt;
 }
 
 void sync_folder(const std::filesystem::path& folder) {
