@@ -7,7 +7,6 @@
 #include <cerrno>
 #include <cstdio>
 #include <cstdlib>
-#include <sstream>
 #include <utility>
 
 #include <fcntl.h>
@@ -36,38 +35,9 @@ constexpr seconds refusal_patience{2};  // for the event beside a failure report
 constexpr std::size_t longest_line = 4096;
 constexpr int exchange_attempts = 3;
 
-std::vector<std::string> words_of(const std::string& line) {
-  std::istringstream in(line);
-  std::vector<std::string> words;
-  for (std::string word; in >> word;) words.push_back(word);
-  return words;
-}
-
 /// Text from the spacecraft may be anything: in ASCII it steers no terminal.
 std::string one_line(const nlohmann::json& json) {
   return json.dump(-1, ' ', true, nlohmann::json::error_handler_t::replace);
-}
-
-/// Takes "--timeout S" out of the words of a session line.
-Result<std::optional<milliseconds>, std::string> take_timeout(std::vector<std::string>& words) {
-  const auto option = std::find(words.begin(), words.end(), "--timeout");
-  if (option == words.end()) return std::optional<milliseconds>{};
-  char* end = nullptr;
-  const double value = std::next(option) == words.end() ? 0 : std::strtod(std::next(option)->c_str(), &end);
-  if (end == nullptr || *end != '\0' || !(value > 0 && value <= 86400))
-    return Err(std::string("--timeout needs seconds, up to 86400"));
-  words.erase(option, option + 2);
-  return std::optional(milliseconds(static_cast<std::int64_t>(value * 1000)));
-}
-
-/// Takes "--at TIME" out of the words of a session line.
-Result<std::optional<TimeTag>, std::string> take_time_tag(std::vector<std::string>& words) {
-  const auto option = std::find(words.begin(), words.end(), "--at");
-  if (option == words.end()) return std::optional<TimeTag>{};
-  const auto tag = std::next(option) == words.end() ? std::nullopt : parse_time_tag(*std::next(option));
-  if (!tag) return Err(fmt::format("--at needs {}", time_tag_forms));
-  words.erase(option, option + 2);
-  return tag;
 }
 
 }  // namespace

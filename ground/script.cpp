@@ -3,7 +3,6 @@
 #include "ground/script.hpp"
 
 #include <algorithm>
-#include <sstream>
 
 #include <fmt/format.h>
 
@@ -12,43 +11,12 @@
 namespace srfs::ground {
 namespace {
 
-using Words = std::vector<std::string>;
-
-Words words_of(std::string_view line) {
-  std::istringstream in{std::string(line.substr(0, line.find('#')))};
-  Words words;
-  for (std::string word; in >> word;) words.push_back(word);
-  return words;
-}
-
 std::optional<Expectation> expectation_of(std::string_view text) {
   for (const auto expectation : {Expectation::completed, Expectation::accepted, Expectation::rejected,
                                  Expectation::failed, Expectation::scheduled}) {
     if (to_text(expectation) == text) return expectation;
   }
   return std::nullopt;
-}
-
-/// Takes "--timeout S" out of the words. @return false: it is malformed
-bool take_timeout(Words& words, std::optional<milliseconds>& timeout) {
-  const auto option = std::find(words.begin(), words.end(), "--timeout");
-  if (option == words.end()) return true;
-  if (std::next(option) == words.end()) return false;
-  timeout = parse_duration(*std::next(option));
-  if (!timeout || *timeout == milliseconds(0)) return false;
-  words.erase(option, option + 2);
-  return true;
-}
-
-/// Takes "--at TIME" out of the words. @return false: it is malformed
-bool take_time_tag(Words& words, std::optional<TimeTag>& at) {
-  const auto option = std::find(words.begin(), words.end(), "--at");
-  if (option == words.end()) return true;
-  if (std::next(option) == words.end()) return false;
-  at = parse_time_tag(*std::next(option));
-  if (!at) return false;
-  words.erase(option, option + 2);
-  return true;
 }
 
 constexpr std::string_view forms =
@@ -64,8 +32,12 @@ Result<ScriptStep, std::string> step_of(Words words) {
   words.erase(words.begin());
   if (verb == "ping" || verb == "tc" || verb == "arm") {
     step.arms = verb == "arm";
-    if (!take_timeout(words, step.timeout)) return Err(std::string("--timeout needs a duration"));
-    if (!take_time_tag(words, step.at)) return Err(fmt::format("--at needs {}", time_tag_forms));
+    const auto timeout = take_timeout(words);
+    if (!timeout) return Err(timeout.error());
+    const auto at = take_time_tag(words);
+    if (!at) return Err(at.error());
+    step.timeout = *timeout;
+    step.at = *at;
     if (step.at) step.expectation = Expectation::scheduled;
     if (verb == "ping") words.insert(words.begin(), "ttc.ping");
     if (words.empty() || (verb == "ping" && words.size() > 1)) return Err(std::string(forms));
@@ -135,7 +107,7 @@ Result<std::vector<ScriptStep>, ScriptError> parse_script(
     const std::string_view line = text.substr(0, text.find('\n'));
     text.remove_prefix(std::min(text.size(), line.size() + 1));
     if (++number > script_lines_max) return Err(ScriptError{number, "the script has too many lines"});
-    const Words words = words_of(line);
+    const Words words = words_of(line.substr(0, line.find('#')));
     if (words.empty()) continue;
     if (words[0] == "expect") {
       const auto expectation =

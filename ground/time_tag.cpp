@@ -2,9 +2,12 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "ground/time_tag.hpp"
 
+#include <algorithm>
 #include <cmath>
-#include <string>
+#include <sstream>
 #include <utility>
+
+#include <fmt/format.h>
 
 #include "base/text.hpp"
 
@@ -12,6 +15,18 @@ namespace srfs::ground {
 namespace {
 
 constexpr double longest_s = 7 * 86400.0;
+
+/// @param parse  the word behind the option @return nothing: no such option
+template <class Parse>
+auto take_option(Words& words, std::string_view name, std::string_view needs, const Parse& parse)
+    -> Result<decltype(parse("")), std::string> {
+  const auto option = std::find(words.begin(), words.end(), name);
+  if (option == words.end()) return std::nullopt;
+  const auto value = std::next(option) == words.end() ? std::nullopt : parse(*std::next(option));
+  if (!value) return Err(fmt::format("{} needs {}", name, needs));
+  words.erase(option, option + 2);
+  return value;
+}
 
 }  // namespace
 
@@ -42,6 +57,24 @@ std::optional<TimeTag> parse_time_tag(std::string_view text) {
   }
   tag.absolute = from_iso8601(std::string(text));
   return tag.absolute ? std::optional(tag) : std::nullopt;
+}
+
+Words words_of(std::string_view line) {
+  std::istringstream in{std::string(line)};
+  Words words;
+  for (std::string word; in >> word;) words.push_back(word);
+  return words;
+}
+
+Result<std::optional<milliseconds>, std::string> take_timeout(Words& words) {
+  return take_option(words, "--timeout", "a duration like 5s, 200ms or 2min", [](std::string_view text) {
+    const auto duration = parse_duration(text);
+    return duration != milliseconds(0) ? duration : std::nullopt;
+  });
+}
+
+Result<std::optional<TimeTag>, std::string> take_time_tag(Words& words) {
+  return take_option(words, "--at", time_tag_forms, parse_time_tag);
 }
 
 }  // namespace srfs::ground

@@ -3,8 +3,11 @@
 #pragma once
 
 #include <optional>
+#include <string>
 #include <string_view>
+#include <vector>
 
+#include "base/result.hpp"
 #include "base/time.hpp"
 
 namespace srfs::ground {
@@ -22,5 +25,13 @@ struct TimeTag {
 [[nodiscard]] std::optional<TimeTag> parse_time_tag(std::string_view text);
 inline constexpr std::string_view time_tag_forms =
     "a UTC time like 2026-11-22T10:00:00Z, or +200ms, +30s, +10m, +2h";
+
+using Words = std::vector<std::string>;
+/// What stands between spaces in a line.
+[[nodiscard]] Words words_of(std::string_view line);
+/// Takes "--timeout DURATION" out of the words. @return what it says, if it is there; the error is a message
+[[nodiscard]] Result<std::optional<milliseconds>, std::string> take_timeout(Words& words);
+/// Takes "--at TIME" out, likewise.
+[[nodiscard]] Result<std::optional<TimeTag>, std::string> take_time_tag(Words& words);
 
 }  // namespace srfs::ground
