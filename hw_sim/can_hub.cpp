@@ -13,13 +13,13 @@
 #include <linux/can/error.h>
 #include <sys/epoll.h>
 #include <sys/socket.h>
-#include <sys/stat.h>
 #include <sys/timerfd.h>
 #include <sys/un.h>
 #include <unistd.h>
 
 #include "hw/linux/clock_offset.hpp"
 #include "hw/sim/can_hub_requests.hpp"
+#include "hw/sim/seqpacket.hpp"
 
 namespace srfs::sim {
 namespace {
@@ -28,26 +28,10 @@ constexpr std::size_t max_clients = 16;
 constexpr int datagrams_per_call = 64;
 constexpr int backlog = 16;
 
-using Address = Result<sockaddr_un, std::string>;
-
-Address socket_address(const std::filesystem::path& path) {
-  sockaddr_un address{};
-  address.sun_family = AF_UNIX;
-  const std::string text = path.string();
-  if (text.size() >= sizeof address.sun_path) {
-    return Err(fmt::format("socket path too long ({} octets): {}", text.size(), text));
-  }
-  std::memcpy(address.sun_path, text.c_str(), text.size() + 1);
-  return address;
-}
-
-const sockaddr* generic(const sockaddr_un& address) {
-  return reinterpret_cast<const sockaddr*>(&address);
-}
-
 bool somebody_listens(const sockaddr_un& address) {
   const Fd probe(::socket(AF_UNIX, SOCK_SEQPACKET | SOCK_CLOEXEC | SOCK_NONBLOCK, 0));
-  return ::connect(probe.get(), generic(address), sizeof address) == 0 || errno == EAGAIN;
+  return ::connect(probe.get(), reinterpret_cast<const sockaddr*>(&address), sizeof address) == 0 ||
+         errno == EAGAIN;
 }
 
 bool watch(int epoll, int fd) {
@@ -150,35 +134,29 @@ bool is_of_this_process(int socket) {
 
 }  // namespace
 
-CanHub::CanHub(std::filesystem::path socket_path, BusArbiter arbiter)
+CanHub::CanHub(std::filesystem::path socket_path, Fd listener, BusArbiter arbiter)
     : socket_path_(std::move(socket_path)),
       arbiter_(std::move(arbiter)),
       epoll_(::epoll_create1(EPOLL_CLOEXEC)),
-      listener_(::socket(AF_UNIX, SOCK_SEQPACKET | SOCK_CLOEXEC | SOCK_NONBLOCK, 0)),
+      listener_(std::move(listener)),
       timer_(::timerfd_create(CLOCK_MONOTONIC, TFD_CLOEXEC | TFD_NONBLOCK)),
       computer_(arbiter_.add_station()) {}
 
 CanHub::~CanHub() {
-  if (!socket_path_.empty()) ::unlink(socket_path_.c_str());
+  ::unlink(socket_path_.c_str());
 }
 
 Result<std::unique_ptr<CanHub>, std::string> CanHub::create(const std::filesystem::path& socket_path,
                                                             BusArbiter arbiter) {
-  const auto address = socket_address(socket_path);
+  const auto address = hw::unix_address(socket_path);
   if (!address) return Err(address.error());
   if (somebody_listens(*address))
     return Err(fmt::format("another hub is listening at {}", socket_path.string()));
-  ::unlink(socket_path.c_str());
-  std::unique_ptr<CanHub> hub(new CanHub({}, std::move(arbiter)));
-  ::fchmod(hub->listener_.get(), S_IRUSR | S_IWUSR);  // before bind: what the name gets
-  if (::bind(hub->listener_.get(), generic(*address), sizeof *address) != 0) {
-    return Err(fmt::format("cannot listen at {}: {}", socket_path.string(), errno_text(errno)));
-  }
-  hub->socket_path_ = socket_path;
-  if (::listen(hub->listener_.get(), backlog) != 0 || !watch(hub->epoll_.get(), hub->listener_.get()) ||
-      !watch(hub->epoll_.get(), hub->timer_.get())) {
-    return Err(fmt::format("cannot listen at {}: {}", socket_path.string(), errno_text(errno)));
-  }
+  auto listener = hw::listen_seqpacket(socket_path, backlog);
+  if (!listener) return Err(listener.error());
+  std::unique_ptr<CanHub> hub(new CanHub(socket_path, *std::move(listener), std::move(arbiter)));
+  if (!watch(hub->epoll_.get(), hub->listener_.get()) || !watch(hub->epoll_.get(), hub->timer_.get()))
+    return Err(fmt::format("cannot watch {}: {}", socket_path.string(), errno_text(errno)));
   return hub;
 }
 

@@ -89,7 +89,7 @@ class CanHub {
     int fd = -1;
     std::optional<can_frame> frame;
   };
-  CanHub(std::filesystem::path socket_path, BusArbiter arbiter);
+  CanHub(std::filesystem::path socket_path, Fd listener, BusArbiter arbiter);
   void accept_clients();
   /// Appends to inputs_ what @p fd has.
   void read_client(int fd, MonotonicTime now, const ClockPair& clocks);

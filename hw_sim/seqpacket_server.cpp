@@ -4,38 +4,20 @@
 
 #include <array>
 #include <cerrno>
-#include <cstring>
 
 #include <fmt/format.h>
 #include <sys/epoll.h>
 #include <sys/socket.h>
-#include <sys/stat.h>
 #include <sys/time.h>
-#include <sys/un.h>
 #include <unistd.h>
+
+#include "hw/sim/seqpacket.hpp"
 
 namespace srfs::sim {
 namespace {
 
 constexpr std::size_t most_clients = 16;
 constexpr std::size_t longest_message = 4096;
-
-Result<sockaddr_un, std::string> socket_address(const std::filesystem::path& path) {
-  sockaddr_un address{};
-  address.sun_family = AF_UNIX;
-  const std::string& text = path.native();
-  if (text.size() >= sizeof address.sun_path) {
-    return Err(
-        fmt::format("{}: longer than the {} characters a socket's path may have; choose a shorter --var",
-                    text, sizeof address.sun_path - 1));
-  }
-  std::memcpy(address.sun_path, text.c_str(), text.size() + 1);
-  return address;
-}
-
-const sockaddr* generic(const sockaddr_un& address) {
-  return reinterpret_cast<const sockaddr*>(&address);
-}
 
 std::string failure(const std::filesystem::path& path, const char* what) {
   return fmt::format("{}: cannot {}: {}", path.string(), what, errno_text(errno));
@@ -45,16 +27,10 @@ std::string failure(const std::filesystem::path& path, const char* what) {
 
 Result<std::unique_ptr<SeqpacketServer>, std::string> SeqpacketServer::create(
     EventLoop& loop, const std::filesystem::path& path, OnMessage on_message) {
-  const auto address = socket_address(path);
-  if (!address) return Err(address.error());
-  Fd listener(socket(AF_UNIX, SOCK_SEQPACKET | SOCK_CLOEXEC | SOCK_NONBLOCK, 0));
-  if (!listener) return Err(failure(path, "create a socket"));
-  unlink(path.c_str());
-  fchmod(listener.get(), S_IRUSR | S_IWUSR);  // before bind: what the name gets
-  if (bind(listener.get(), generic(*address), sizeof *address) != 0) return Err(failure(path, "bind"));
-  if (listen(listener.get(), static_cast<int>(most_clients)) != 0) return Err(failure(path, "listen"));
+  auto listener = hw::listen_seqpacket(path, static_cast<int>(most_clients));
+  if (!listener) return Err(listener.error());
   return std::unique_ptr<SeqpacketServer>(
-      new SeqpacketServer(loop, path, std::move(listener), std::move(on_message)));
+      new SeqpacketServer(loop, path, *std::move(listener), std::move(on_message)));
 }
 
 SeqpacketServer::SeqpacketServer(EventLoop& loop, std::filesystem::path path, Fd listener,
@@ -106,14 +82,14 @@ void SeqpacketServer::send_to_all(OctetView message) {
 
 Result<std::string, std::string> ask_seqpacket(const std::filesystem::path& path, const std::string& request,
                                                milliseconds patience) {
-  const auto address = socket_address(path);
+  const auto address = hw::unix_address(path);
   if (!address) return Err(address.error());
   const Fd socket(::socket(AF_UNIX, SOCK_SEQPACKET | SOCK_CLOEXEC, 0));
   if (!socket) return Err(failure(path, "create a socket"));
   const timeval limit{.tv_sec = patience.count() / 1000, .tv_usec = patience.count() % 1000 * 1000};
   setsockopt(socket.get(), SOL_SOCKET, SO_RCVTIMEO, &limit, sizeof limit);
   setsockopt(socket.get(), SOL_SOCKET, SO_SNDTIMEO, &limit, sizeof limit);
-  if (connect(socket.get(), generic(*address), sizeof *address) != 0)
+  if (connect(socket.get(), reinterpret_cast<const sockaddr*>(&*address), sizeof *address) != 0)
     return Err(failure(path, "connect (is hw_sim running?)"));
   if (send(socket.get(), request.data(), request.size(), MSG_NOSIGNAL) < 0) return Err(failure(path, "send"));
   std::string reply(65536, '\0');
