@@ -15,7 +15,7 @@ from srfs import ROOT
 from srfs.flight.deployments import NODES
 from srfs.flight.processes import wait_until
 
-PARAMETERS = {p["full_name"]: p for p in load(ROOT / "msgs" / "mission").parameters}
+PARAMETERS = {p["full_name"]: p for p in load(ROOT / "mission").parameters}
 
 
 class ParameterTools(SystemTest):

@@ -153,12 +153,12 @@ def hazardous_pairs(dictionary):
 
 
 def all_orders():
-    dictionary = mission_dictionary.load(ROOT / "msgs" / "mission")
+    dictionary = mission_dictionary.load(ROOT / "mission")
     return [*command_orders(dictionary), *parameter_orders(dictionary), *local_orders(), *hazardous_pairs(dictionary)]
 
 
 def dangerous_orders():
-    dictionary = mission_dictionary.load(ROOT / "msgs" / "mission")
+    dictionary = mission_dictionary.load(ROOT / "mission")
     return [*command_orders(dictionary, DANGEROUS_COMMANDS), *parameter_orders(dictionary, DANGEROUS_PARAMETERS)]
 
 

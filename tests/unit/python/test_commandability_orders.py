@@ -10,7 +10,7 @@ from mission_dictionary import load
 from srfs import ROOT
 from srfs.campaign import commandability
 
-DICTIONARY = load(ROOT / "msgs" / "mission")
+DICTIONARY = load(ROOT / "mission")
 
 
 class OrdersTest(unittest.TestCase):
