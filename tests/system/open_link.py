@@ -16,7 +16,8 @@ import tty
 import cltu
 import yaml
 
-MISSION = pathlib.Path(__file__).resolve().parents[2] / "msgs" / "mission"
+ROOT = pathlib.Path(__file__).resolve().parents[2]
+DICTIONARY = [*(ROOT / "msgs/mission").glob("*.yaml"), *(ROOT / "mission").rglob("*.yaml")]
 ASM = bytes.fromhex("1acffc1d")
 FRAME_OCTETS = 223  # times the interleave
 CODED_OCTETS = 255  # frame and parity of RS(255,223), times the interleave; a clean line needs no correction
@@ -63,7 +64,7 @@ class Structure:
              "i64": ("q", 8), "f32": ("f", 4), "f64": ("d", 8), "bool": ("?", 1)}  # fmt: skip
 
     def __init__(self, name):
-        self._all = {s["name"]: s for file in MISSION.glob("*.yaml") for s in yaml.safe_load(file.read_text()).get("structures", [])}
+        self._all = {s["name"]: s for file in DICTIONARY for s in yaml.safe_load(file.read_text()).get("structures", [])}
         self.id = self._all[name]["id"]
         self._fields = list(self._flatten(self._all[name]["fields"]))
 
