@@ -28,7 +28,9 @@ set(CMAKE_CXX_FLAGS_MINSIZEREL "-Os -DNDEBUG ${SRFS_FORTIFY}")
 find_program(SRFS_CCACHE ccache)
 if(SRFS_CCACHE AND NOT CMAKE_CXX_COMPILER_LAUNCHER)
   # what ccache asks for with precompiled headers
-  set(CMAKE_CXX_COMPILER_LAUNCHER ${CMAKE_COMMAND} -E env CCACHE_SLOPPINESS=pch_defines,time_macros ${SRFS_CCACHE})
+  set(SRFS_CCACHE_SETTINGS ${CMAKE_COMMAND} -E env CCACHE_SLOPPINESS=pch_defines,time_macros)
+  set(CMAKE_CXX_COMPILER_LAUNCHER ${SRFS_CCACHE_SETTINGS} ${SRFS_CCACHE})
+  set(SRFS_HEADER_LAUNCHER ${SRFS_CCACHE_SETTINGS} SRFS_CCACHE=${SRFS_CCACHE} ${PROJECT_SOURCE_DIR}/cmake/ccache_header)
 endif()
 
 set(SRFS_SANITIZE "" CACHE STRING "Sanitizers: empty, 'address,undefined' or 'thread'")
