@@ -702,6 +702,7 @@ void Console::wait_once(Watch watch, std::optional<MonotonicTime> deadline, bool
   if (const auto next = station_.next_deadline(); next && *next < wake) wake = *next;
   const auto left = std::chrono::ceil<milliseconds>(wake - monotonic_now()).count();
   const bool input = watch == Watch::port_and_input && !input_ended_;
+  // poll(2) and no event loop: the input may be a file, which epoll refuses.
   std::array<pollfd, 3> fds{
       {{station_.fd(), POLLIN, 0}, {signals_.get(), POLLIN, 0}, {input ? STDIN_FILENO : -1, POLLIN, 0}}};
   if (::poll(fds.data(), fds.size(), static_cast<int>(std::clamp<std::int64_t>(left, 0, 1000))) <= 0) return;

@@ -16,7 +16,9 @@
 
 namespace srfs::sim {
 
-/// One thread's epoll loop with timers. Callbacks get the time of the wake-up, read once per round.
+/// One thread's epoll loop with timers. The executor of nodes (lib/ros/executor.hpp) has another job: input
+/// of several threads, priorities, statistics. What both share is ten calls of epoll and timerfd. Callbacks
+/// get the time of the wake-up, read once per round.
 ///
 /// Timers and callbacks are on the true clock: what a device owes, it does as soon as it can. A time-out
 /// against others it measures with running_clock(), and sets its timer to earliest(). If more is lost until

@@ -70,7 +70,6 @@ class ThermalModel {
   [[nodiscard]] const ThermalVector& temperatures_k() const { return temperature_k_; }
   /// The controller wants heat; it flows only when the heaters are powered.
   [[nodiscard]] bool heating(std::size_t heater) const { return heating_.at(heater); }
-  [[nodiscard]] HeaterMode heater_mode(std::size_t heater) const { return modes_.at(heater); }
   [[nodiscard]] double setpoint_k(std::size_t heater) const { return setpoints_k_.at(heater); }
   /// What the heaters that are switched on by the controller ask of their bus.
   [[nodiscard]] double heater_demand_w() const;
