@@ -54,7 +54,7 @@ def run(options):
     arguments = ["--build", str(options.build.absolute()), *(["--full"] if options.full else []), *(["--only", options.only] if options.only else [])]
     if not options.vm and options.kernel == "amd64" and kernel_has_can():
         print("this kernel has CAN: no virtual machine", flush=True)
-        return subprocess.run(guest.python("run_tests.py", *arguments, SRFS_PATIENCE=1), stdin=subprocess.DEVNULL, check=False).returncode
+        return subprocess.run(guest.python("run_tests.py", *arguments, SRFS_PATIENCE=os.environ.get("SRFS_PATIENCE", 1)), stdin=subprocess.DEVNULL, check=False).returncode
     return guest.run(guest.python("run_tests.py", *arguments, SRFS_IN_GUEST=1), options, guest.say)
 
 
