@@ -271,7 +271,7 @@ class MissionOnVcan(unittest.TestCase):
         to_monotonic = time.clock_gettime_ns(time.CLOCK_MONOTONIC) - time.clock_gettime_ns(time.CLOCK_REALTIME)
         # Slots under way are not recorded yet: wait for the ones to be judged.
         wait_until(lambda: flight.rotation.recorded_slots()[-1]["published"] > max(frames)[0] + to_monotonic, PATIENCE_S, "the next slot")
-        good, wrong = can_frames.judge_slots([(at + to_monotonic, payload) for at, payload in frames], flight.rotation.recorded_slots(), CLOCK_ERROR_NS)
+        good, wrong = can_frames.judge_slots([(at + to_monotonic, payload) for at, payload, *_ in frames], flight.rotation.recorded_slots(), CLOCK_ERROR_NS)
         self.assertEqual(wrong, [])
         self.assertGreaterEqual(good, at_least)
         print(f"{good} of {len(frames)} frames of the computer were in their sender's recorded slot, none in another", flush=True)
