@@ -21,12 +21,13 @@ import time
 
 from srfs import ROOT
 from srfs.flight import deployments, mission
-from srfs.flight.processes import wait_until
+from srfs.flight.processes import end_processes, wait_until
 from srfs.program import MissionError
 
 EMULATOR = "qemu-aarch64-static"
 NODES = ("timing", "can_switcher", "payload_eps")
 READY_DEADLINE_S = 60
+STOP_PATIENCE_S = 20  # emulated
 WAKE_UP = "18DA1201#0401"  # a single frame to the EPS: request 01 (docs/reference/icd_can.md)
 WANTED = 5  # slots in which it was sent
 
@@ -58,14 +59,9 @@ class Suite:
             self.running.append(subprocess.Popen(list(map(str, command)), stdin=subprocess.DEVNULL, stdout=log, stderr=log))
 
     def end(self):
-        for process in reversed(self.running):
-            process.terminate()
+        end_processes([process.pid for process in reversed(self.running)], STOP_PATIENCE_S)
         for process in self.running:
-            try:
-                process.wait(20)
-            except subprocess.TimeoutExpired:
-                process.kill()
-                process.wait()
+            process.wait()
 
 
 def fly(build, hw_sim, sysroot, folder, deadline_s):
