@@ -2,7 +2,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """What the experiments share. Times are CLOCK_MONOTONIC in ns."""
 
+from srfs.flight.deployments import PAYLOADS
 from srfs.report import all_ok, save, write_csv
+
+FIRST, SECOND, THIRD = PAYLOADS  # the paper's payload1, 2, 3
+RING = (FIRST, THIRD, SECOND)  # each checks the next
 
 
 class Experiment:
@@ -47,8 +51,8 @@ class StatesExperiment(Experiment):
     COLUMNS = ("payload", "state", "begin_s", "end_s")
 
     def states(self):
-        """[(payload, state, begin, end)]"""
-        raise NotImplementedError
+        """[(payload, state, begin, end)], as the payloads said themselves."""
+        return [(i.payload, i.state, i.begin, i.end) for i in self.line.intervals(self.begin, self.end)]
 
     def rows(self):
         return [(payload, state, f"{self.seconds(begin):.6f}", f"{self.seconds(end):.6f}") for payload, state, begin, end in self.states()]

@@ -123,9 +123,6 @@ class Fig14(StatesExperiment):
 
     # --- files --------------------------------------------------------------------------------------------------------
 
-    def states(self):
-        return [(i.payload, i.state, i.begin, i.end) for i in self.line.intervals(self.begin, self.end)]
-
     def draw(self, folder):
         """SVG and PNG like the paper's figure: a panel a payload, its four states over time. Behind them whose turn on the bus it is."""
         plots = pyplot()

@@ -9,7 +9,7 @@ import signal
 import threading
 import time
 
-from srfs.experiments.experiment import StatesExperiment
+from srfs.experiments.experiment import FIRST, RING, SECOND, THIRD, StatesExperiment
 from srfs.flight.deployments import PAYLOADS
 from srfs.flight.processes import send_signal
 from srfs.program import MissionError
@@ -17,8 +17,6 @@ from srfs.record import ringline
 from srfs.record.timeline import MS
 from srfs.report import check, pyplot
 
-FIRST, SECOND, THIRD = PAYLOADS
-RING = (FIRST, THIRD, SECOND)  # each checks the next
 QUIET_S = 3.0  # between two steps: what stands in the drawing
 LOOK_S = 0.01
 

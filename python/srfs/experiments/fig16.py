@@ -9,7 +9,7 @@ the old program; the ring of the payloads goes on. Everything on CLOCK_MONOTONIC
 import time
 
 from srfs import ROOT
-from srfs.experiments.experiment import StatesExperiment
+from srfs.experiments.experiment import FIRST, RING, SECOND, THIRD, StatesExperiment
 from srfs.flight.deployments import PAYLOADS
 from srfs.flight.ground import Lines
 from srfs.program import MissionError
@@ -18,8 +18,6 @@ from srfs.record.rotation import Rotation
 from srfs.record.timeline import MS, OCCUPYING, STATES, Timeline
 from srfs.report import check, pyplot
 
-FIRST, SECOND, THIRD = PAYLOADS
-RING = (FIRST, THIRD, SECOND)  # each checks the next
 QUIET_S = 3.0
 PACKAGE = ROOT / "examples" / "packages" / "payload_thermal.yaml"
 SLOTS = 10  # that the new payload shall have used
@@ -33,17 +31,17 @@ class Fig16(StatesExperiment):
     def __init__(self, *flight):
         super().__init__(*flight)
         self.ring = ringline.RingLine()
-        self.timeline = Timeline(PAYLOADS)
+        self.line = Timeline(PAYLOADS)
         self.rotation = Rotation()
         self.steps = {}  # what the spacecraft reported of the update -> when it was heard
         self.installed = None
 
     def uses_the_bus(self, since=0):
-        return sum(1 for at, who, state in list(self.timeline.changes) if who == THIRD and state == OCCUPYING and at >= since)
+        return sum(1 for at, who, state in list(self.line.changes) if who == THIRD and state == OCCUPYING and at >= since)
 
     def run(self):
         recorder = self.flight.recorder()
-        for listener in (self.ring.on_message, self.timeline.on_message, self.rotation.on_message):
+        for listener in (self.ring.on_message, self.line.on_message, self.rotation.on_message):
             recorder.on_message(listener)
         self.begin = time.monotonic_ns()
         for observer, subject in zip(RING, (*RING[1:], RING[0])):
@@ -125,9 +123,6 @@ class Fig16(StatesExperiment):
                 f"  payload1 heard nothing from payload3 for {summary['outage_ms']} ms (a check each {summary['check_period_ms']} ms)")  # fmt: skip
 
     # --- files --------------------------------------------------------------------------------------------------------
-
-    def states(self):
-        return [(i.payload, i.state, i.begin, i.end) for i in self.timeline.intervals(self.begin, self.end)]
 
     def draw(self, folder):
         """SVG and PNG like the paper's figure: a panel a payload with its state over time, the steps of maintenance, and the ring's checks of payload3."""
