@@ -25,7 +25,7 @@ Json begin(const char* type, MonotonicTime at) {
   return Json{{"type", type}, {"at_ns", at.ns()}};
 }
 
-void print(const Json& line) {
+void print_line(const Json& line) {
   // Texts come from any process: what is not UTF-8 is replaced, not thrown at.
   std::puts(line.dump(-1, ' ', false, Json::error_handler_t::replace).c_str());
   std::fflush(stdout);
@@ -154,7 +154,7 @@ int record(const Target& target, seconds duration) {
     topic.qos.depth = 256;  // an observer may fall behind; the nodes' depths are theirs
     kept.push_back(std::make_shared<ros::Subscription<M>>(
         executor, **participant, topic,
-        [](const M& message, const ros::MessageInfo& info) { print(describe(message, info.received)); }));
+        [](const M& message, const ros::MessageInfo& info) { print_line(describe(message, info.received)); }));
   };
   listen(topics::time_tick);
   listen(topics::task_flags);
@@ -173,11 +173,11 @@ int record(const Target& target, seconds duration) {
         [name = node.name](const Transition& t, const ros::MessageInfo& info) {
           Json j = begin("lifecycle", info.received);
           j.update({{"node", name}, {"from", t.start_state.label}, {"to", t.goal_state.label}});
-          print(j);
+          print_line(j);
         }));
   }
   const auto watch = executor.add_fd(signals.get(), EPOLLIN, [&](std::uint32_t) { executor.stop(); });
-  print(Json{{"type", "recording"}, {"domain", *domain}});
+  print_line(Json{{"type", "recording"}, {"domain", *domain}});
   if (duration > seconds(0)) {
     executor.spin_until([] { return false; }, monotonic_now() + duration);
   } else {
