@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // The GPIO back-end on a chip behind the kernel's GPIO character device.
 
+#include <array>
 #include <optional>
 
 #include <gmock/gmock.h>
@@ -52,7 +53,7 @@ std::unique_ptr<GpioLines> open(const std::filesystem::path& device, const std::
 TEST_F(GpioChipOfTheKernel, SwitchesPowerLinesAndReadsThemBackAsDriven) {
   VirtualGpio& chip = *chips().lasting;
   const auto gpio = open(chip.device());
-  for (const std::uint8_t line : {0, 1, 2}) {
+  for (const std::uint8_t line : std::array<std::uint8_t, 3>{0, 1, 2}) {
     for (const bool on : {true, false, true}) {
       ASSERT_TRUE(gpio->set_line(line, on));
       EXPECT_EQ(chip.driven(line), on);
