@@ -6,7 +6,10 @@ import re
 import unittest
 from pathlib import Path
 
-from support import BIN, ROOT, run
+from support import BIN
+
+from srfs import ROOT
+from srfs.flight.processes import output
 
 LIB = Path(BIN).parent / "lib"
 
@@ -28,7 +31,7 @@ GROUND_ONLY = {"libtiff", "libjpeg", "libcfitsio", "libcurl-gnutls"}
 
 
 def needed(file: Path) -> set[str]:
-    return set(re.findall(r"\(NEEDED\).*\[(.+?)\]", run("readelf", "-dW", file)))
+    return set(re.findall(r"\(NEEDED\).*\[(.+?)\]", output("readelf", "-dW", file)))
 
 
 def libraries(program: Path) -> set[str]:
@@ -71,7 +74,7 @@ class LinkedLibrariesTest(unittest.TestCase):
 
     def test_no_library_is_loaded_later(self):
         for library in LIB.glob("libsrfs_*.so"):
-            loaded_by = re.findall(r"UND (dlopen\S*)", run("readelf", "--dyn-syms", "-W", library))
+            loaded_by = re.findall(r"UND (dlopen\S*)", output("readelf", "--dyn-syms", "-W", library))
             if library.name not in ("libsrfs_crash_point.so", "libsrfs_disk_fault.so", "libsrfs_fault_injector.so"):  # of tests
                 self.assertEqual(loaded_by, [], library.name)
 

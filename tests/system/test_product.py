@@ -79,7 +79,9 @@ class ProductProgramTest(unittest.TestCase):
         self.assertEqual((run.returncode, run.stdout), (1, ""))
         self.assertIn("none.strips", run.stderr)
 
-        run = product(self.frame)
+        other = self.folder / "other.txt"
+        other.write_text("neither strips nor a picture")
+        run = product(other)
         self.assertEqual((run.returncode, run.stdout), (1, ""))
         self.assertIn("no strip begins in this file", run.stderr)
 
