@@ -36,8 +36,6 @@ std::optional<std::string> why_unusable(const image::Frame& frame) {
   if (std::min(pixels.width(), pixels.height()) < ImageTask::side_least_px)
     return fmt::format("{} x {} pixels: less than {} a side", pixels.width(), pixels.height(),
                        ImageTask::side_least_px);
-  const auto finite = [](float v) { return std::isfinite(v); };
-  if (std::none_of(pixels.cells().begin(), pixels.cells().end(), finite)) return "no pixel has a value";
   return std::nullopt;
 }
 
