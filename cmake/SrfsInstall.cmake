@@ -58,6 +58,12 @@ add_library(srfs_node INTERFACE)
 add_library(srfs::node ALIAS srfs_node)
 target_link_libraries(srfs_node INTERFACE srfs_suite srfs_hw srfs_msgs srfs_mission srfs_commanding srfs_payload)
 
+# Writes the file that find_package(srfs) reads. ${mission} and ${generator}: where it finds the mission dictionary, and what generates code.
+macro(srfs_configure_package output)
+  configure_package_config_file(${PROJECT_SOURCE_DIR}/cmake/srfsConfig.cmake.in ${output}
+    INSTALL_DESTINATION ${SRFS_INSTALL_CMAKE} PATH_VARS CMAKE_INSTALL_LIBDIR CMAKE_INSTALL_BINDIR mission generator NO_SET_AND_CHECK_MACRO)
+endmacro()
+
 # srfs_install_package(): called once at the end.
 function(srfs_install_package)
   set_property(GLOBAL APPEND PROPERTY SRFS_LIBRARIES srfs_msgs srfs_node)
@@ -72,12 +78,22 @@ function(srfs_install_package)
     LIBRARY DESTINATION ${CMAKE_INSTALL_LIBDIR} ARCHIVE DESTINATION ${CMAKE_INSTALL_LIBDIR})
   install(EXPORT srfsTargets NAMESPACE srfs:: DESTINATION ${SRFS_INSTALL_CMAKE})
 
-  set(SRFS_GENERATOR ${CMAKE_INSTALL_DATADIR}/srfs/generator)
-  configure_package_config_file(${PROJECT_SOURCE_DIR}/cmake/srfsConfig.cmake.in ${PROJECT_BINARY_DIR}/srfsConfig.cmake
-    INSTALL_DESTINATION ${SRFS_INSTALL_CMAKE} PATH_VARS CMAKE_INSTALL_LIBDIR CMAKE_INSTALL_BINDIR SRFS_GENERATOR NO_SET_AND_CHECK_MACRO)
-  write_basic_package_version_file(${PROJECT_BINARY_DIR}/srfsConfigVersion.cmake COMPATIBILITY SameMinorVersion)
-  install(FILES ${PROJECT_BINARY_DIR}/srfsConfig.cmake ${PROJECT_BINARY_DIR}/srfsConfigVersion.cmake
-    ${PROJECT_SOURCE_DIR}/cmake/SrfsMission.cmake ${PROJECT_SOURCE_DIR}/cmake/simulator_main.cpp.in
+  set(installed ${PROJECT_BINARY_DIR}/installed)
+  write_basic_package_version_file(${installed}/srfsConfigVersion.cmake COMPATIBILITY SameMinorVersion)
+  set(mission ${CMAKE_INSTALL_DATADIR}/srfs/mission)
+  set(generator ${CMAKE_INSTALL_DATADIR}/srfs/generator)
+  srfs_configure_package(${installed}/srfsConfig.cmake)
+  # This build tree is a package too: find_package(srfs) finds it with CMAKE_PREFIX_PATH. What configured it before may have left files that
+  # would be found first.
+  file(REMOVE ${PROJECT_BINARY_DIR}/srfsConfig.cmake ${PROJECT_BINARY_DIR}/srfsConfigVersion.cmake)
+  set(mission ${PROJECT_SOURCE_DIR}/mission)
+  set(generator ${PROJECT_SOURCE_DIR}/msgs/generator)
+  set(in_build ${PROJECT_BINARY_DIR}/${SRFS_INSTALL_CMAKE})
+  srfs_configure_package(${in_build}/srfsConfig.cmake)
+  set(mission_build ${PROJECT_SOURCE_DIR}/cmake/SrfsMission.cmake ${PROJECT_SOURCE_DIR}/cmake/simulator_main.cpp.in)
+  file(COPY ${installed}/srfsConfigVersion.cmake ${mission_build} DESTINATION ${in_build})
+  export(EXPORT srfsTargets NAMESPACE srfs:: FILE ${in_build}/srfsTargets.cmake)
+  install(FILES ${installed}/srfsConfig.cmake ${installed}/srfsConfigVersion.cmake ${mission_build}
     DESTINATION ${SRFS_INSTALL_CMAKE})
 
   set(headers FILES_MATCHING PATTERN "*.hpp" PATTERN test EXCLUDE PATTERN catalogue EXCLUDE PATTERN photograph EXCLUDE)
@@ -88,6 +104,8 @@ function(srfs_install_package)
   set(generated_messages ${PROJECT_BINARY_DIR}/msgs/generated)
   set(generated_structures ${PROJECT_BINARY_DIR}/msgs/mission/generated)
   install(DIRECTORY ${generated_messages}/ ${generated_structures}/ DESTINATION ${SRFS_INSTALL_HEADERS} ${headers})
+
+  install(DIRECTORY programs/srfs/templates DESTINATION ${CMAKE_INSTALL_DATADIR}/srfs)
 
   srfs_write_node_build(${PROJECT_BINARY_DIR}/installed_node_build.json INCLUDE ${SRFS_INSTALL_HEADERS}
     READABLE ${SRFS_INSTALL_HEADERS} ${CMAKE_INSTALL_LIBDIR} ${CMAKE_INSTALL_DATADIR}/srfs LIBRARIES ${CMAKE_INSTALL_LIBDIR})

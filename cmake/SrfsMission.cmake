@@ -25,6 +25,7 @@ function(srfs_mission name)
     COMMENT "Generating C++ structs of the mission dictionary" VERBATIM)
   add_custom_target(${name}_dictionary DEPENDS ${generated}/structures.stamp)
   set_property(GLOBAL PROPERTY SRFS_MISSION_DICTIONARY ${name}_dictionary)
+  set_property(GLOBAL PROPERTY SRFS_MISSION_OF_THIS_BUILD ${folder})
   include_directories(BEFORE ${generated})
   # Part of each program: srfs::mission has the structures of the mission that SRFS was built with.
   add_library(${name}_structures OBJECT ${generated}/mission/structures.cpp)
@@ -41,16 +42,32 @@ function(srfs_mission name)
   install(DIRECTORY ${CMAKE_BINARY_DIR}/share/${name} DESTINATION share)
 endfunction()
 
-# srfs_add_node(<name> SOURCES ... [DEPS ...] [NO_INSTALL]): the program <name>_node, hardened like SRFS' own, installed into bin/.
+# srfs_add_node(<name> SOURCES ... [LOGIC <pure sources>] [STRUCTURES <header>] [TEST <sources>] [DEPS ...] [NO_INSTALL]): the program
+# <name>_node, hardened like SRFS' own, installed into bin/.
+#   LOGIC       the library <name>_logic, without DDS or hardware
+#   STRUCTURES  generated from dictionary.yaml beside it, the node's fragment of the mission dictionary
+#   TEST        unit test test_<name> of the logic
+# SRFS_NO_INSTALL, set in a folder, holds for all nodes below.
 function(srfs_add_node name)
-  cmake_parse_arguments(ARG "NO_INSTALL" "" "SOURCES;DEPS" ${ARGN})
+  cmake_parse_arguments(ARG "NO_INSTALL" "STRUCTURES" "SOURCES;LOGIC;TEST;DEPS" ${ARGN})
   set(no_install)
-  if(ARG_NO_INSTALL)
+  if(ARG_NO_INSTALL OR SRFS_NO_INSTALL)
     set(no_install NO_INSTALL)
   endif()
-  srfs_mission_program(${name}_node ${no_install} SOURCES ${ARG_SOURCES} DEPS srfs::node ${ARG_DEPS})
+  set(logic)
+  if(ARG_LOGIC)
+    set(logic ${name}_logic)
+    srfs_mission_library(${logic} SOURCES ${ARG_LOGIC} DEPS srfs::telecommand_journal srfs::mission)
+  endif()
+  srfs_mission_program(${name}_node ${no_install} SOURCES ${ARG_SOURCES} DEPS ${logic} srfs::node ${ARG_DEPS})
   if(COMMAND srfs_precompile)
     srfs_precompile(${name}_node nodes HEADERS <suite/node.hpp> DEPS srfs_suite)
+  endif()
+  if(ARG_TEST)
+    srfs_add_unit_test(${name} SOURCES ${ARG_TEST} DEPS ${logic})
+  endif()
+  if(ARG_STRUCTURES)
+    srfs_fragment_structures(${name} ${ARG_STRUCTURES})
   endif()
 endfunction()
 

@@ -9,6 +9,7 @@
 #include <fmt/format.h>
 
 #include "nodes/maintenance/generation_line.hpp"
+#include "suite/commanding/command_set.hpp"
 #include "suite/node_versions.hpp"
 
 namespace srfs {
@@ -19,14 +20,10 @@ using SaveRequest = srfs_msgs::srv::SaveParameters_Request;
 constexpr std::uint32_t newest_report = UINT32_MAX;
 constexpr const char* save_origin = "telecommand";
 
-FailureCode failure_of(const mission::ArgumentError& error) {
-  return error.parameter == 0 ? mission::failure::bad_arguments_length : mission::failure::bad_argument;
-}
-
 template <class Command>
 FailureCode check(OctetView arguments, const suite::Deployment& deployment) {
   const auto command = Command::decode(arguments);
-  if (!command) return failure_of(command.error());
+  if (!command) return failure_code(command.error());
   if constexpr (requires { command->node; }) {
     if (deployment.find(command->node) == nullptr) return mission::failure::unknown_node;
   }
@@ -57,7 +54,7 @@ template <class Command, class Decide>
 constexpr Handler on(Decide /*decide*/) {
   return {Command::function_id, &check<Command>, [](const Context& context) -> SuiteActions {
             const auto command = Command::decode(context.telecommand.arguments);
-            if (!command) return {AnswerTelecommand{failure_of(command.error())}};
+            if (!command) return {AnswerTelecommand{failure_code(command.error())}};
             return Decide{}(*command, context);
           }};
 }

@@ -14,6 +14,7 @@
 #include "base/time.hpp"
 #include "msgs/mission/encoded_event.hpp"
 #include "nodes/payload/payload_cycle.hpp"
+#include "suite/commanding/command_set.hpp"
 
 namespace srfs {
 
@@ -68,10 +69,6 @@ class PayloadProfile {
   /// @return false: this version cannot read it, and nothing has changed
   [[nodiscard]] virtual bool restore_state(OctetView /*state*/) { return true; }
 };
-
-[[nodiscard]] inline FailureCode failure_code(mission::ArgumentError error) {
-  return error.parameter == 0 ? mission::failure::bad_arguments_length : mission::failure::bad_argument;
-}
 
 /// A command that goes to the peripheral as it is: its arguments lie in the request exactly as in the
 /// telecommand.

@@ -12,6 +12,7 @@
 #include "base/saturate.hpp"
 #include "hw/open.hpp"
 #include "nodes/timing/mission_clock.hpp"
+#include "suite/commanding/command_set.hpp"
 #include "suite/mission_time.hpp"
 
 namespace srfs {
@@ -438,12 +439,7 @@ SetTimeVerdict TimingNode::set_time(const TimeCommand& command) {
 
 FailureCode TimingNode::check(std::uint16_t function, OctetView arguments) const {
   static_assert(mission::TimingSetTime::timeout == mission::TimingStepTime::timeout);
-  if (function != mission::TimingSetTime::function_id && function != mission::TimingStepTime::function_id)
-    return mission::failure::unknown_function;
-  const auto command = mission::TimingSetTime::decode(arguments);
-  if (command) return mission::failure::none;
-  return command.error().parameter == 0 ? mission::failure::bad_arguments_length
-                                        : mission::failure::bad_argument;
+  return CommandSet<mission::TimingSetTime, mission::TimingStepTime>::check(function, arguments);
 }
 
 void TimingNode::execute(const StoredTelecommand& telecommand) {

@@ -13,6 +13,7 @@
 #include "base/log.hpp"
 #include "programs/srfs/added_node_commands.hpp"
 #include "programs/srfs/doctor.hpp"
+#include "programs/srfs/new_commands.hpp"
 #include "programs/srfs/node_commands.hpp"
 #include "programs/srfs/observer.hpp"
 #include "programs/srfs/ring_commands.hpp"
@@ -430,6 +431,40 @@ void add_node_commands(CLI::App& app, NodeArguments& a, CommandLine& line) {
      [&](const Target& target) { return list_added_nodes(target, line.json); });
 }
 
+void add_new(CLI::App& app, NewOrder& order, CommandLine& line) {
+  CLI::App* command = app.add_subcommand(
+      "new",
+      "Write the first files of something new: they build, pass their test and fly at once. Nothing is "
+      "overwritten. Shows what was written, with numbers that are free in the mission dictionary, and what "
+      "to "
+      "type next");
+  command->require_subcommand(1);
+  order.in = ".";
+  const auto add = [&](const char* kind, const char* help, const char* in, auto action) {
+    CLI::App* sub = command->add_subcommand(kind, help);
+    sub->add_option("name", order.name, "Lower-case words joined by '_': star_tracker")->required();
+    CLI::Option* folder = sub->add_option("--in", order.in, in)->capture_default_str();
+    on(sub, line, [&, action](const Target& target) {
+      order.json = line.json;
+      return action(target, order);
+    });
+    return folder;
+  };
+  const char* parent = "Folder that gets the new one; a CMakeLists.txt there gets its add_subdirectory()";
+  add("node", "A node NAME with telemetry, a telecommand, an event and a parameter", parent, new_node)
+      ->check(CLI::ExistingDirectory);
+  add("method", "A method of image processing, the node image_NAME, which receives each frame", parent,
+      new_method)
+      ->check(CLI::ExistingDirectory);
+  add("payload", "A payload, the node payload_NAME, with a slot on the CAN bus and a simulated peripheral",
+      "Folder of a mission; it is made if it is not there. Its sim.yaml, else the deployment, gets the slot",
+      new_payload)
+      ->required();
+  add("telecommand", "A telecommand with its handler and its test, for a node that `srfs new node` wrote",
+      "Folder of the node", new_telecommand)
+      ->check(CLI::ExistingDirectory);
+}
+
 void add_doctor(CLI::App& app, CommandLine& line) {
   constexpr const char* help =
       "Check whether this machine is ready for the deployment. One line per check: OK, note, unknown, WARN "
@@ -459,6 +494,7 @@ int run(int argc, char** argv) {
   RingArguments ring;
   VersionArguments versions;
   NodeArguments nodes;
+  NewOrder new_order;
   add_up(app, suite, line);  // the order is that of --help
   add_down_and_restart(app, suite, line);
   add_status_and_lifecycle(app, observer, line);
@@ -467,6 +503,7 @@ int run(int argc, char** argv) {
   add_ring_commands(app, ring, line);
   add_version_commands(app, versions, line);
   add_node_commands(app, nodes, line);
+  add_new(app, new_order, line);
   add_doctor(app, line);
   add_record(app, observer, line);
   try {

@@ -40,9 +40,11 @@ class FindPackageTest(unittest.TestCase):
         shutil.copytree(SOURCE / "tests/find_package", project)
         shutil.copytree(SOURCE / "mission/payload_eps", project / "payload_eps")
         build = self.folder / "project_build"
+        output(self.prefix / "bin/srfs", "new", "node", "counter", "--in", project)  # the installed templates and generator
         output("cmake", "-S", project, "-B", build, "-G", "Ninja", f"-DCMAKE_PREFIX_PATH={self.prefix}", "-DCMAKE_BUILD_TYPE=Release")
         output("cmake", "--build", build)
-        for node in ("minimal_node", "payload_eps_node"):
+        self.assertIn("100% tests passed", output("ctest", "--test-dir", build))
+        for node in ("minimal_node", "payload_eps_node", "counter_node"):
             self.assertIn("--deployment", output(build / "bin" / node, "--help"))
             self.assertEqual(hardening.faults(hardening.read(build / "bin" / node), absolute_runpath=True), [])
 

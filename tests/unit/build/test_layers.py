@@ -24,7 +24,7 @@ MAY_USE = {
     "programs/detect": {"base", "image"},
     "programs/product": {"base", "image"},
     "programs/lane": {"base", "update"},
-    "programs/srfs": {"base", "hw", "ros", "suite", "update", "srfs_msgs"},
+    "programs/srfs": {"base", "hw", "ros", "suite", "update", "msgs/mission", "srfs_msgs"},
 }
 OF_NODES = {"base", "wire", "cfdp", "hw", "image", "ros", "suite", "update", "mission", "msgs/mission", "srfs_msgs"}
 LIBRARY_OF_PAYLOADS = "nodes/payload"

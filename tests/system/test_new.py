@@ -1,0 +1,109 @@
+# SPDX-FileCopyrightText: 2026 SRFS contributors
+# SPDX-License-Identifier: Apache-2.0
+"""`srfs new`: what it writes and what it refuses. test_tutorials.py builds, tests and flies it, test_find_package.py builds it against an
+installation; examples/tick_counter is built in the tree."""
+
+import json
+import shutil
+import subprocess
+from pathlib import Path
+
+import yaml
+from support import BIN, ROOT, SystemTest
+
+EXAMPLE = ROOT / "examples" / "tick_counter"
+
+
+def files_of(folder):
+    return {str(p.relative_to(folder)): p.read_text() for p in sorted(Path(folder).rglob("*")) if p.is_file()}
+
+
+class NewTest(SystemTest):
+    def setUp(self):
+        super().setUp()
+        self.mine = self.folder / "mine"
+        self.mine.mkdir()
+
+    def new(self, *words, folder=None):
+        command = [str(BIN / "srfs"), "new", *words, "--in", str(folder or self.mine), "--var", str(self.var), "--json"]
+        done = subprocess.run(command, stdin=subprocess.DEVNULL, capture_output=True, text=True, timeout=60, cwd=self.folder)
+        return done.returncode, json.loads(done.stdout)
+
+    def test_the_example_in_the_tree_is_what_it_writes(self):
+        shutil.copytree(ROOT / "examples", self.mine, dirs_exist_ok=True, ignore=lambda _, names: {EXAMPLE.name} & set(names))
+        (self.mine / "CMakeLists.txt").write_text("add_subdirectory(image_straylight)\n")
+        for order in (("node", EXAMPLE.name), ("telecommand", "set_start")):
+            code, answer = self.new(*order, folder=self.mine / EXAMPLE.name if order[0] == "telecommand" else self.mine)
+            self.assertEqual((code, answer["ok"]), (0, True), answer)
+        self.assertEqual(files_of(self.mine / EXAMPLE.name), files_of(EXAMPLE))
+        self.assertEqual((self.mine / "CMakeLists.txt").read_text(), f"add_subdirectory(image_straylight)\nadd_subdirectory({EXAMPLE.name})\n")
+
+    def test_each_new_node_has_numbers_of_its_own(self):
+        answers = [self.new(*order)[1] for order in (("node", "one"), ("node", "two"), ("method", "three"))]
+        self.assertEqual(len({answer["numbers"]["apid"] for answer in answers}), 3, answers)
+        ids = [entry["id"] for answer in answers for key in ("structures", "events", "parameters")
+               for entry in yaml.safe_load((Path(answer["folder"]) / "dictionary.yaml").read_text())[key]]  # fmt: skip
+        self.assertEqual(len(set(ids)), 6, ids)  # events and parameters have the same numbers
+        self.assertEqual({p.name for p in self.mine.iterdir()}, {"one", "two", "image_three"})
+        for answer in answers:
+            self.assertEqual(set(answer["files"]), set(files_of(answer["folder"])))
+
+    def test_a_payload_makes_its_mission_or_becomes_a_part_of_it(self):
+        mine = self.folder / "my_mission"
+        first, second = (self.new("payload", name, folder=mine)[1] for name in ("one", "two"))
+        self.assertEqual([answer["numbers"]["power_line"] for answer in (first, second)], [0, 1])
+        self.check_mission(mine, mine / "sim.yaml", ["payload_one", "payload_two"])
+        self.assertEqual(set(first["files"]), set(files_of(mine / "payload_one")))
+        before = files_of(mine)
+        self.assertEqual(self.new("payload", "one", folder=mine)[0], 1)
+        self.assertEqual(files_of(mine), before)
+
+        ours, deployment = self.folder / "mission", self.folder / "sim.yaml"
+        shutil.copytree(ROOT / "mission", ours)
+        shutil.copy(ROOT / "launch_config/sim.yaml", deployment)
+        answer = self.new("payload", "three", "--deployment", str(deployment), folder=ours)[1]
+        self.assertEqual(answer["numbers"]["can_address"], "0x21")
+        self.check_mission(ours, deployment, ["payload_adcs", "payload_eps", "payload_thermal", "payload_three"])
+
+    def check_mission(self, folder, deployment, payloads):
+        mission = yaml.safe_load((folder / "mission.yaml").read_text())
+        self.assertEqual(mission["payloads"], payloads)
+        self.assertEqual(mission["include"], [f"{payload}/dictionary.yaml" for payload in payloads])
+        for payload in payloads:
+            self.assertIn(f"add_subdirectory({payload})\n", (folder / "CMakeLists.txt").read_text())
+        plan = yaml.safe_load(deployment.read_text())
+        self.assertEqual([slot["payload"] for slot in plan["slots"]], payloads)
+        places = [node["peripheral"] for node in plan["nodes"] if "peripheral" in node] + plan.get("peripherals", [])
+        for key in ("can_address", "power_line"):
+            self.assertEqual(len({place[key] for place in places}), len(places), places)
+
+    def test_what_does_not_fit_is_refused_and_nothing_is_written(self):
+        (self.mine / "there").mkdir()
+        (self.mine / "there/keep").write_text("mine")
+        for order, why in (
+            (("node", "Bad-Name"), "lower-case"),
+            (("node", "class"), "reserved"),
+            (("node", "payload_eps"), "already"),
+            (("method", "processing"), "already"),  # image_processing
+            (("node", "there"), "is there already"),
+        ):
+            code, answer = self.new(*order)
+            self.assertEqual((code, answer["ok"]), (1, False), answer)
+            self.assertIn(why, answer["error"])
+        self.assertEqual(files_of(self.mine), {"there/keep": "mine"})
+
+    def test_a_telecommand_goes_only_where_it_has_a_place(self):
+        self.assertEqual(self.new("node", "one")[0], 0)
+        folder = self.mine / "one"
+        self.assertEqual(self.new("telecommand", "go", folder=folder)[1]["numbers"], {"telecommand": "one.go", "function": 2})
+        before = files_of(self.mine)
+        for name, why in (("go", "already"), ("housekeeping", "another name"), ("clear", "already")):
+            code, answer = self.new("telecommand", name, folder=folder)
+            self.assertEqual(code, 1, answer)
+            self.assertIn(why, answer["error"])
+        code, answer = self.new("telecommand", "go", folder=self.mine)
+        self.assertEqual(code, 1, answer)
+        shutil.copytree(ROOT / "examples/image_straylight", self.folder / "method")
+        code, answer = self.new("telecommand", "go", folder=self.folder / "method")
+        self.assertIn("CommandSet", answer["error"])
+        self.assertEqual(files_of(self.mine), before)
