@@ -48,14 +48,18 @@ Result<std::vector<Source>, std::string> read_sources(const fs::path& folder) {
 
 /// A header of the installation that the package brings its own of: the precompiled one would be the other.
 bool brings_own_headers(const std::vector<Source>& sources, const NodeBuild& build) {
+  const auto is_installed = [&build](const fs::path& header) {
+    const auto holds = [&header](const fs::path& folder) {
+      return header.native().starts_with(folder.native() + "/");
+    };
+    return fs::exists(header) && std::any_of(build.readable.begin(), build.readable.end(), holds);
+  };
   return std::any_of(sources.begin(), sources.end(), [&](const Source& source) {
-    return fs::path(source.path).extension() == ".hpp" &&
-           std::any_of(build.include.begin(), build.include.end(), [&](const fs::path& folder) {
-             // In the build tree a node's own headers lie there, too.
-             return !source.path.starts_with("nodes/") || source.path.starts_with("nodes/payload/")
-                        ? fs::exists(folder / source.path)
-                        : false;
-           });
+    // In the build tree a node's own headers lie there, too.
+    const bool of_a_node = source.path.starts_with("nodes/") && !source.path.starts_with("nodes/payload/");
+    return fs::path(source.path).extension() == ".hpp" && !of_a_node &&
+           std::any_of(build.include.begin(), build.include.end(),
+                       [&](const fs::path& folder) { return is_installed(folder / source.path); });
   });
 }
 
