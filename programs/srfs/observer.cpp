@@ -152,9 +152,10 @@ int record(const Target& target, seconds duration) {
   std::vector<std::shared_ptr<void>> kept;
   const auto listen = [&]<class M>(ros::Topic<M> topic) {
     topic.qos.depth = 256;  // an observer may fall behind; the nodes' depths are theirs
-    kept.push_back(std::make_shared<ros::Subscription<M>>(
-        executor, **participant, topic,
-        [](const M& message, const ros::MessageInfo& info) { print_line(describe(message, info.received)); }));
+    kept.push_back(std::make_shared<ros::Subscription<M>>(executor, **participant, topic,
+                                                          [](const M& message, const ros::MessageInfo& info) {
+                                                            print_line(describe(message, info.received));
+                                                          }));
   };
   listen(topics::time_tick);
   listen(topics::task_flags);
