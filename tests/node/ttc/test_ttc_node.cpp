@@ -77,7 +77,9 @@ class TtcNodeTest : public testing::Test {
         "] }\n"
         "nodes: [{ name: ttc, executable: ttc_node,\n"
         "          parameters: { initial_mode: nominal, housekeeping_period_ms: 100, beacon_period_ms: 1000 "
-        "} }]\n";
+        "} },\n"
+        "        { name: image_acquisition, executable: image_acquisition_node },\n"
+        "        { name: image_processing, executable: image_processing_node }]\n";
     ASSERT_TRUE(write_file_atomically(folder_ / "d.yaml", yaml));
     deployment_ = std::make_unique<suite::Deployment>(suite::Deployment::load(folder_ / "d.yaml"));
     context_ = std::make_unique<suite::NodeContext>(
