@@ -197,6 +197,8 @@ Result<Frame, Refusal> decode_packed(const Header& table, OctetView data) {
     return refuse("the header announces {} x {} pixels, the file has {} octets", layout->width,
                   layout->height, data.size());
   const OctetView heap = data.subspan(table_octets);
+  std::size_t left =
+      heap.size();  // rows share nothing, so that unpacking costs no more than the file is long
   OctetReader descriptors(data.first(table_octets));
   Frame frame = frame_of(table, *layout);
   std::vector<std::uint16_t> row(width);
@@ -205,6 +207,8 @@ Result<Frame, Refusal> decode_packed(const Header& table, OctetView data) {
     const std::size_t at = descriptors.u32();
     if (at > heap.size() || octets > heap.size() - at)
       return refuse("row {} is beyond the end of the file", y);
+    if (octets > left) return refuse("rows up to {} have more octets than the file", y);
+    left -= octets;
     if (!unpack_rice(heap.subspan(at, octets), row)) return refuse("row {} is damaged", y);
     to_adu(row.data(), frame.pixels.row(y), width, layout->zero);
   }

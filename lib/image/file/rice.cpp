@@ -57,12 +57,13 @@ class BitReader {
     drop(n);
     return value;
   }
-  /// Zeros before the next one, which is taken too.
+  /// Zeros before the next one, which is taken too. More than a number has values: damage.
   std::uint32_t unary() {
+    constexpr std::uint32_t most = 65536 + 64;
     std::uint32_t zeros = 0;
     for (fill(); ok_ && bits_ == 0; fill()) {
       zeros += static_cast<std::uint32_t>(count_);
-      ok_ = count_ > 0;
+      ok_ = count_ > 0 && zeros <= most;
       count_ = 0;
     }
     if (!ok_) return 0;

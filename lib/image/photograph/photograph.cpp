@@ -19,10 +19,12 @@ namespace {
 
 using namespace std::string_view_literals;
 
-/// Ours first, as on board; cfitsio for what ours does not read.
+/// Ours first, as on board; cfitsio for what ours does not read: other kinds of FITS, and a time as MJD-OBS.
 Result<Frame, Refusal> decode_each_fits(OctetView content) {
-  if (auto frame = decode_fits(content)) return frame;
-  return decode_any_fits(content);
+  auto frame = decode_fits(content);
+  if (frame && frame->time_s) return frame;
+  auto any = decode_any_fits(content);
+  return any || !frame ? any : frame;
 }
 
 constexpr std::array<std::pair<std::string_view, FrameDecoder>, 7> formats{{{"SIMPLE  =", decode_each_fits},
