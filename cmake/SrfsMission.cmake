@@ -2,6 +2,13 @@
 # SPDX-License-Identifier: Apache-2.0
 # What builds a mission: its payloads, its simulator. The same functions in this tree and behind find_package(srfs).
 
+# What the structs are made with: the generator and SRFS' own part of the dictionary, installed or in the source tree.
+function(srfs_generator_files result)
+  file(GLOB files CONFIGURE_DEPENDS ${SRFS_GENERATOR_FOLDER}/*.py ${SRFS_GENERATOR_FOLDER}/*.jinja
+    ${SRFS_GENERATOR_FOLDER}/../core/*.yaml ${SRFS_GENERATOR_FOLDER}/../mission/*.yaml)
+  set(${result} ${files} PARENT_SCOPE)
+endfunction()
+
 # srfs_mission(<name> DICTIONARY <mission.yaml> [DEPLOYMENTS <files>]): outside this tree, once, before the mission's targets.
 #   <mission/structures.hpp> of the mission's dictionary is what all targets of this folder and below include
 #   share/<name>/ in the build folder and installed: the dictionary and the deployments, which say `dictionary: .` and `programs: ../../bin`
@@ -15,15 +22,18 @@ function(srfs_mission name)
   file(GLOB files RELATIVE ${folder} CONFIGURE_DEPENDS ${folder}/mission.yaml ${folder}/*/dictionary.yaml)
   set(generated ${CMAKE_CURRENT_BINARY_DIR}/srfs_generated)
   list(TRANSFORM files PREPEND ${folder}/ OUTPUT_VARIABLE dictionary)
+  srfs_generator_files(generator)
+  # Files of an installation may be older than what was built before it.
+  set(stamp ${generated}/structures_${srfs_VERSION}.stamp)
   add_custom_command(
-    OUTPUT ${generated}/structures.stamp
+    OUTPUT ${stamp}
     BYPRODUCTS ${generated}/mission/structures.hpp ${generated}/mission/structures.cpp
     COMMAND ${Python3_EXECUTABLE} -B ${SRFS_GENERATOR_FOLDER}/mission_structures.py --dictionary ${folder}
             --out ${generated}/mission/structures.hpp --source ${generated}/mission/structures.cpp
-    COMMAND ${CMAKE_COMMAND} -E touch ${generated}/structures.stamp
-    DEPENDS ${dictionary}
+    COMMAND ${CMAKE_COMMAND} -E touch ${stamp}
+    DEPENDS ${dictionary} ${generator}
     COMMENT "Generating C++ structs of the mission dictionary" VERBATIM)
-  add_custom_target(${name}_dictionary DEPENDS ${generated}/structures.stamp)
+  add_custom_target(${name}_dictionary DEPENDS ${stamp})
   set_property(GLOBAL PROPERTY SRFS_MISSION_DICTIONARY ${name}_dictionary)
   set_property(GLOBAL PROPERTY SRFS_MISSION_OF_THIS_BUILD ${folder})
   include_directories(BEFORE ${generated})

@@ -342,7 +342,13 @@ Deployment Deployment::load(const std::filesystem::path& file) {
   const auto beside_file = [&d](const std::string& path) {
     return (d.file.parent_path() / path).lexically_normal();
   };
-  if (root.has("dictionary")) d.dictionary = beside_file(root.text("dictionary"));
+  if (root.has("dictionary")) {
+    d.dictionary = beside_file(root.text("dictionary"));
+    std::error_code ec;
+    if (!std::filesystem::exists(d.dictionary / "mission.yaml", ec))
+      throw root.bad("dictionary",
+                     fmt::format("the folder of mission.yaml, which {} is not", d.dictionary.string()));
+  }
   const ConfigSection dds = root.section("dds");
   if (dds.text("domain", "auto") != "auto") d.domain = static_cast<int>(dds.integer("domain", 0, 101));
   d.interfaces = dds.texts("interfaces");

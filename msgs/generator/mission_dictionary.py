@@ -36,6 +36,9 @@ def files_of(folder):
     own = folder / "mission.yaml"
     included = yaml.safe_load(own.read_text(encoding="utf-8")).get("include") if own.exists() else None
     if included is not None:
+        for name in included:
+            if not re.fullmatch(r"(?!\.\.)[^/]+/dictionary\.yaml", name):
+                raise DictionaryError(f"{own}: include: FOLDER/dictionary.yaml, not '{name}'")
         return [own, *sorted(core_folder().glob("*.yaml")), *(folder / name for name in included)]
     files = sorted(folder.glob("*.yaml"), key=lambda f: (f.name != "mission.yaml", f.name))
     if not files:
@@ -97,7 +100,7 @@ class Dictionary:
     def _of_each_node(self, entry):
         """One entry for each node that has the parameter, with ids that count up; "name" is that at the node."""
         nodes = entry.get("nodes") or [entry["node"]]
-        first = self.parameter_ids.get(entry["name"], entry["id"])
+        first = self.parameter_ids.get(entry["name"], entry["id"]) if "nodes" in entry else entry["id"]
         for i, node in enumerate(self.lists["nodes" if nodes == "all" else nodes] if isinstance(nodes, str) else nodes):
             yield {**entry, "node": node, "id": first + i, "full_name": f"{node}.{entry['name']}"}
 

@@ -18,6 +18,9 @@ namespace srfs::mission {
 namespace {
 
 constexpr int most_groups = 16;  // of one request with a repeated group
+// Values of the beacon that come from a mission's payloads (nodes/ttc/report/beacon_builder.cpp).
+constexpr std::array<std::string_view, 5> beacon_values{
+    "battery_voltage_v", "battery_charge", "battery_temperature_k", "temperature_min_k", "temperature_max_k"};
 // Of what a fragment brings; the mission's own files are held to them when the structs are generated.
 constexpr std::uint16_t highest_apid = 2039;      // CCSDS keeps those above
 constexpr std::size_t event_octets_max = 200;     // srfs_msgs/Event.data
@@ -234,8 +237,9 @@ class DictionaryLoader {
     const auto offset = Dictionary::offset_of(*from, name);
     const auto field = std::find_if(from->fields.begin(), from->fields.end(),
                                     [&](const Field& f) { return f.name == name; });
-    if (!offset || field->type != FieldType::f32 || field->count != elements)
-      throw section.bad("field", fmt::format("{} x f32 of that structure, no text before it", elements));
+    if (!offset || field->type != FieldType::f32 || field->count != elements || !field->calibration.empty())
+      throw section.bad("field",
+                        fmt::format("{} x f32 of that structure, uncalibrated, no text before it", elements));
     return {from->node, from->id, *offset};
   }
 
@@ -244,6 +248,8 @@ class DictionaryLoader {
   void read_sources(const ConfigSection& file) {
     const ConfigSection beacon = file.section("beacon");
     for (const std::string& value : beacon.keys()) {
+      if (std::find(beacon_values.begin(), beacon_values.end(), value) == beacon_values.end())
+        throw beacon.bad(value, fmt::format("one of {}", fmt::join(beacon_values, ", ")));
       const ConfigSection section = beacon.section(value);
       TelemetryPlace place = read_place(section, 1);
       const auto scale = static_cast<float>(section.number("scale", -1e6, 1e6, 1));
@@ -391,8 +397,11 @@ class DictionaryLoader {
     p.node_parameter = section.text("name");
     p.list = section.boolean("list", false);
     p.guarded = section.boolean("guarded", false);
-    auto id = section.integer("id", 1, 65535 - static_cast<std::int64_t>(nodes.size()));
-    if (const auto own = parameter_ids_.find(p.node_parameter); own != parameter_ids_.end()) id = own->second;
+    const std::int64_t last_id = 65535 - static_cast<std::int64_t>(nodes.size());
+    auto id = section.integer("id", 1, last_id);
+    const auto own = parameter_ids_.find(p.node_parameter);
+    if (own != parameter_ids_.end() && section.raw("nodes").IsDefined()) id = own->second;
+    if (id > last_id) throw section.bad("id", fmt::format("ids up to 65535, parameter_ids says {}", id));
     p.field = read_field(section);
     const bool sendable = p.field.count == 1 && p.field.type != FieldType::parameter_value &&
                           p.field.type != FieldType::time && p.field.type != FieldType::packet &&
@@ -705,7 +714,14 @@ std::vector<std::filesystem::path> Dictionary::files(const std::filesystem::path
   if (!includes_others(own)) return yaml_files_of(folder);
   std::vector<std::filesystem::path> files{own};
   for (auto& file : yaml_files_of(core_folder())) files.push_back(std::move(file));
-  for (const std::string& file : ConfigSection::load(own).texts("include")) files.push_back(folder / file);
+  const ConfigSection mission = ConfigSection::load(own);
+  for (const std::string& file : mission.texts("include")) {
+    // What is built, installed and read at run time is the same: one folder a payload.
+    const std::filesystem::path path(file);
+    if (path != path.parent_path().filename() / "dictionary.yaml" || file.starts_with(".."))
+      throw mission.bad("include", fmt::format("FOLDER/dictionary.yaml, not '{}'", file));
+    files.push_back(folder / file);
+  }
   return files;
 }
 

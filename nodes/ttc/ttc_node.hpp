@@ -85,6 +85,7 @@ class TtcNode : public suite::Node {
   // Added nodes
   /// Reads the dictionary anew on a worker, if the list is another one.
   void load_dictionary();
+  [[nodiscard]] ImageLane image_lane() const;
   /// Listens to those of the list. @param tell whether to report new ones
   void follow_added_nodes(bool tell);
   void raise_added_events();

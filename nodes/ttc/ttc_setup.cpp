@@ -255,10 +255,14 @@ TtcCore::Setup TtcNode::read_setup(StoredState& state, const FrameCountFile& fra
       .arm_window = parameter("arm_window_ms"),
       .key_news = std::move(key_news),
       .remembered = remembered_,
-      .lane = {.acquisition = deployment().find("image_acquisition") != nullptr,
-               .processing = deployment().find("image_processing") != nullptr}};
+      .lane = image_lane()};
   state.load_journal(setup, ran, next_telecommand_id_, system_utc_now(), monotonic_now());
   return setup;
+}
+
+ImageLane TtcNode::image_lane() const {
+  return {.acquisition = deployment().find("image_acquisition") != nullptr,
+          .processing = deployment().find("image_processing") != nullptr};
 }
 
 ros::CallbackReturn TtcNode::on_configure() {

@@ -48,6 +48,8 @@ devices:
   gps_serial: "serial:run/gps_tty"
   gpio: "sim:run/gpio.sock"
   watchdog: "sim:run/watchdog.sock"
+nodes:
+  - { name: timing, executable: timing_node }
 )";
 
 struct Bits {

@@ -316,6 +316,8 @@ TEST_F(DeploymentTest, AMissionHasItsDictionaryAndItsProgramsBesideTheFile) {
       folder_ / "share" / "d.yaml",
       "deployment: d\ndictionary: .\nprograms: ../bin\nnodes:\n"
       "  - {name: own, executable: own_node}\n  - {name: ttc, executable: ttc_node}\n"));
+  EXPECT_THROW((void)Deployment::load(folder_ / "share" / "d.yaml"), ConfigError) << "no mission.yaml there";
+  EXPECT_TRUE(write_file_atomically(folder_ / "share" / "mission.yaml", "subsystem: mission\n"));
   const Deployment d = Deployment::load(folder_ / "share" / "d.yaml");
   EXPECT_EQ(d.dictionary, folder_ / "share" / "");
   EXPECT_EQ(d.find("own")->executable, (folder_ / "bin" / "own_node").string());

@@ -114,6 +114,8 @@ class ImagingScheduler final : public PusService {
       : report_queue_(report_queue), lane_(lane) {}
 
   [[nodiscard]] bool provides(const mission::Command& command) const override;
+  /// Nodes were added or removed.
+  void set_lane(ImageLane lane) { lane_ = lane; }
   /// Of a node that the deployment does not have.
   [[nodiscard]] std::optional<Refusal> why_refused(const Telecommand& telecommand) const override;
   void execute(const Telecommand& telecommand, MonotonicTime now) override;
