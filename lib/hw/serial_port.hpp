@@ -41,6 +41,9 @@ class SerialPort {
   [[nodiscard]] virtual Result<std::size_t, SerialError> write(OctetView octets) = 0;
   /// Octets accepted by write() that have not left yet, as far as the driver knows; 0 when gone.
   [[nodiscard]] virtual std::size_t output_pending() const = 0;
+  /// Drops what has not left yet, so that closing does not wait for a transmitter that is stuck. Never
+  /// blocks.
+  virtual void discard_output() {}
   /// Why the device is gone, for a person; empty while it is there.
   [[nodiscard]] virtual std::string reason() const = 0;
   [[nodiscard]] virtual const SerialCounters& counters() const = 0;

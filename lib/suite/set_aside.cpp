@@ -161,7 +161,7 @@ Result<bool, std::string> restore_orders(const VarPaths& var, const std::string&
   for (const auto kind : {Leftover::Kind::hold, Leftover::Kind::desired_state}) {
     const auto file = order_file(var, node, kind);
     std::error_code ec;
-    if (!std::filesystem::exists(file.string() + aside, ec)) continue;
+    if (!std::filesystem::exists(file.string() + aside, ec) || std::filesystem::exists(file, ec)) continue;
     if (const auto done = rename_durably(file.string() + aside, file); !done) return Err(done.error());
     restored = true;
   }
@@ -190,7 +190,7 @@ void begin_suite_start(const VarPaths& var, const Deployment& deployment) {
     set_all_aside(var, deployment, count.starts - 1);
 }
 
-void end_suite_in_order(const VarPaths& var) {
+void forget_suite_starts(const VarPaths& var) {
   if (const auto removed = remove_durably(count_file(var)); !removed)
     log::error("{}", removed.error().message);
 }

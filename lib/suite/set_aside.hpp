@@ -17,8 +17,8 @@ namespace srfs::suite {
 
 /// What operators have left behind may be why the suite does not become healthy: holds, desired states, kept
 /// parameters. After RingSettings::unhealthy_starts starts in a row without a healthy boot they are set
-/// aside, on disk: the suite starts as the deployment has it. Nothing is lost: ring.restore_orders puts
-/// orders back, parameters.restore values.
+/// aside, on disk: the suite starts as the deployment has it. ring.restore_orders puts orders back (of
+/// several of one kind the newest), parameters.restore values.
 
 /// Starts of the suite in a row, each of which followed another one that ended neither healthy nor in order.
 struct StartCount {
@@ -48,7 +48,8 @@ struct Leftover {
 /// left to do. @param saved  now, UTC, for people. @return what went wrong
 [[nodiscard]] Result<void, std::string> set_aside(const VarPaths& var, const Leftover& leftover,
                                                   const std::string& saved);
-/// Puts back hold and desired state of a node. @return whether there was one; or what went wrong
+/// Puts back hold and desired state of a node, where no newer order stands. @return whether there was one; or
+/// what went wrong
 [[nodiscard]] Result<bool, std::string> restore_orders(const VarPaths& var, const std::string& node);
 
 /// What was set aside and is not reported yet.
@@ -63,7 +64,7 @@ struct SetAsideNote {
 /// what is left behind once there were too many. What cannot be done is logged; the suite starts all the
 /// same.
 void begin_suite_start(const VarPaths& var, const Deployment& deployment);
-/// The suite ended in order.
-void end_suite_in_order(const VarPaths& var);
+/// The suite ended in order, or has become healthy: the count of starts begins anew.
+void forget_suite_starts(const VarPaths& var);
 
 }  // namespace srfs::suite

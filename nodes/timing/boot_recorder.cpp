@@ -44,7 +44,12 @@ BootActions BootRecorder::begin() {
 
 BootActions BootRecorder::on_feeding(bool fed, MonotonicTime now, std::optional<UtcTime> utc) {
   note_feeding(fed, now, utc);
-  return save();
+  BootActions actions = save();
+  if (!healthy_here_ && fed && now - *fed_since_ >= settings_.healthy_after) {
+    healthy_here_ = true;
+    actions.emplace_back(NoteHealthySuite{});
+  }
+  return actions;
 }
 
 void BootRecorder::note_feeding(bool fed, MonotonicTime now, std::optional<UtcTime> utc) {

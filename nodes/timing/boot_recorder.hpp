@@ -33,7 +33,10 @@ struct SaveBootRecord {
   wire::BootRecord record;
 };
 
-using BootAction = std::variant<ReportBoot, SaveBootRecord>;
+/// The watchdog has been fed for Settings::healthy_after without a gap, the first time in this process.
+struct NoteHealthySuite {};
+
+using BootAction = std::variant<ReportBoot, SaveBootRecord, NoteHealthySuite>;
 using BootActions = std::vector<BootAction>;
 
 /// Keeps the boot record: whether this is a new boot and why, and when it became healthy. Pure; one thread.
@@ -75,6 +78,7 @@ class BootRecorder {
   wire::BootRecord record_;
   bool new_boot_ = false;
   bool unwritten_ = false;
+  bool healthy_here_ = false;  ///< in this process: the boot may have been before it
   std::optional<MonotonicTime> fed_since_;
   MonotonicTime last_fed_;
   std::optional<MonotonicTime> not_fed_since_;

@@ -14,6 +14,7 @@
 #include "nodes/timing/mission_clock.hpp"
 #include "suite/commanding/command_set.hpp"
 #include "suite/mission_time.hpp"
+#include "suite/set_aside.hpp"
 
 namespace srfs {
 namespace {
@@ -501,6 +502,11 @@ void TimingNode::carry_out(const SaveBootRecord& action) {
   };
   if (!worker_) return on_saved(save());  // at the end
   if (!worker_->ask(save, on_saved)) on_saved(false);
+}
+
+/// Without room the next boot still sees that this one was healthy.
+void TimingNode::carry_out(const NoteHealthySuite& /*action*/) {
+  if (worker_) (void)worker_->post([var = var()] { suite::forget_suite_starts(var); });
 }
 
 void TimingNode::feed_watchdog() {

@@ -89,6 +89,7 @@ class TimingNode : public CommandedNode {
   void carry_out(const SaveCycles& action);
   void carry_out(const ReportBoot& action);
   void carry_out(const SaveBootRecord& action);
+  void carry_out(const NoteHealthySuite& action);
   void carry_out(const FeedWatchdog& action);
   void carry_out(const WithholdWatchdog& action);
   void carry_out(const ReportWithheld& action);

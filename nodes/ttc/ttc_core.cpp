@@ -199,7 +199,10 @@ void TtcCore::on_line_idle(MonotonicTime now) {
 }
 
 void TtcCore::take_uplinked(std::vector<UplinkedPacket> packets) {
-  if (!packets.empty()) on_contact();
+  const bool authentic = std::any_of(packets.begin(), packets.end(), [this](const UplinkedPacket& packet) {
+    return packet.frame.spi || !uplink_.authenticates();
+  });
+  if (authentic) on_contact();
   for (UplinkedPacket& packet : packets) {
     files_.on_contact();
     if (cfdp::is_pdu_packet(packet.packet)) {

@@ -216,6 +216,7 @@ void TtcNode::carry_out(const CallParameter& action) {
 
 void TtcNode::carry_out(const ReopenLine& /*action*/) {
   line_watch_.reset();
+  if (line_) line_->discard_output();
   line_.reset();  // only one may have it open
   outgoing_.clear();
   auto line =
@@ -373,6 +374,7 @@ AddedNodes::List list_of(const suite::Deployment& deployment) {
 }
 
 void TtcNode::on_deployment_changed() {
+  if (core_) core_->imaging().set_lane(image_lane());
   added_.report_problems(deployment().added_problems);
   raise_added_events();
   if (disk_) load_dictionary();  // else on_configure() reads it

@@ -59,6 +59,9 @@ class Tty : public SerialPort {
   [[nodiscard]] int fd() const override { return line_.fd(); }
   [[nodiscard]] std::string reason() const override { return line_.reason(); }
   [[nodiscard]] const SerialCounters& counters() const override { return counters_; }
+  void discard_output() override {
+    if (line_.present()) ::tcflush(line_.device(), TCOFLUSH);
+  }
 
   [[nodiscard]] Result<std::size_t, SerialError> read(std::span<std::uint8_t> into) override {
     const int fd = device();

@@ -145,7 +145,7 @@ TEST_F(SetAside, AnOrderlyEndAndAHealthyBootBeginTheCountAnew) {
     begin_suite_start(var_, plan_);
     begin_suite_start(var_, plan_);
     if (i % 2 == 0) {
-      end_suite_in_order(var_);
+      forget_suite_starts(var_);
     } else {
       wire::BootRecord record = boot(static_cast<std::uint32_t>(i), true);
       record.revision = static_cast<std::uint32_t>(i);
@@ -173,6 +173,14 @@ TEST_F(SetAside, WhereverThePowerIsLostTheNextStartEndsItAndTheNoteNamesAll) {
     ASSERT_TRUE(note);
     EXPECT_THAT(note->what, testing::StartsWith("all of it")) << "what the start before was at";
   }
+}
+
+TEST_F(SetAside, ANewerOrderIsNotReplacedByOneThatWasSetAside) {
+  leave_behind();
+  for (const Leftover& leftover : find_leftovers(var_, plan_)) ASSERT_TRUE(set_aside(var_, leftover, "now"));
+  ASSERT_TRUE(hold(var_, plan_, "eps", "newer", {}));
+  EXPECT_TRUE(*restore_orders(var_, "eps")) << "the desired state";
+  EXPECT_EQ(held_because(var_, plan_, "eps", {}), "newer");
 }
 
 TEST_F(SetAside, OrdersComeBackOnRequest) {

@@ -2,7 +2,9 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "nodes/timing/boot_recorder.hpp"
 
+#include <algorithm>
 #include <random>
+#include <variant>
 
 #include <gtest/gtest.h>
 
@@ -122,6 +124,25 @@ TEST(BootRecorder, CallsABootHealthyAfterItsTimeWithoutAGap) {
   EXPECT_TRUE(feed(recorder, seconds(221), seconds(0), noon + seconds(121)));
   EXPECT_TRUE(recorder.record().healthy);
   EXPECT_EQ(recorder.record().healthy_since, noon + seconds(61));
+}
+
+TEST(BootRecorder, SaysOnceInEachProcessThatTheSuiteIsHealthyAlsoInABootThatWas) {
+  const auto said = [](BootRecorder& recorder, int at_s) {
+    const BootActions actions = recorder.on_feeding(true, MonotonicTime(seconds(at_s)), std::nullopt);
+    return std::any_of(actions.begin(), actions.end(), [](const BootAction& action) {
+      return std::holds_alternative<NoteHealthySuite>(action);
+    });
+  };
+  for (int process = 0; process < 2; ++process) {
+    BootRecorder recorder = boot(running(), "a");
+    int times = 0;
+    for (int at_s = 100; at_s < 300; ++at_s) times += said(recorder, at_s) ? 1 : 0;
+    EXPECT_EQ(times, 1);
+  }
+  BootRecorder interrupted = boot(running(), "a");
+  for (int at_s = 100; at_s < 159; ++at_s) EXPECT_FALSE(said(interrupted, at_s));
+  (void)interrupted.on_feeding(false, MonotonicTime(seconds(159)), std::nullopt);
+  EXPECT_FALSE(said(interrupted, 160));
 }
 
 TEST(BootRecorder, DoesNotTakeTheTimeInWhichTheSuiteWasStoppedForHealthy) {

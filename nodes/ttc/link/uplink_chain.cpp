@@ -194,6 +194,11 @@ void UplinkChain::on_control_frame(std::uint8_t vc, const wire::TcFrame& frame) 
                                                             : counters_.bad_control_command);
 }
 
+bool UplinkChain::authenticates() const {
+  return std::any_of(config_.channels.begin(), config_.channels.end(),
+                     [](const UplinkChannel& channel) { return !channel.associations.empty(); });
+}
+
 bool UplinkChain::select(std::uint8_t vc, KeySet set) {
   for (UplinkChannel& channel : config_.channels) {
     if (channel.vc != vc) continue;

@@ -105,6 +105,8 @@ class UplinkChain {
   [[nodiscard]] std::vector<UplinkedPacket> on_idle(MonotonicTime now);
   [[nodiscard]] std::optional<MonotonicTime> idle_deadline() const;
 
+  /// Whether a channel has security: then frames without any prove nothing.
+  [[nodiscard]] bool authenticates() const;
   /// From now on the channel takes frames of this set. @return false: it has no association of it
   bool select(std::uint8_t vc, KeySet set);
   /// SPIs of the first secured channel's associations in use, 0: none.

@@ -43,9 +43,9 @@ CommandLossTimer::CommandLossTimer(std::string boot_id, std::string_view stored,
   saved_ = before_;
   if (boot == boot_id_) {
     if (at <= now) before_ += now - at;
-  } else if (next_step() == CommandLossStep::restart && next_step_at() <= before_) {
+  } else if (next_step() == CommandLossStep::restart) {
     // The computer has restarted, by this step or by itself. Without a record of it, on a disk that fails, it
-    // would be restarted again at once, and for ever.
+    // would be restarted again as soon as the step is due, and for ever.
     ++steps_;
     last_step_ = before_;
   }

@@ -223,6 +223,8 @@ class Trials:
         for call in order.local_undo:
             self._local(*call)
         resets = self._boots() - boots
+        if resets:  # of each order alone: what it leaves behind is not set aside for the resets of those before it
+            (self.var / "state/boot/starts").unlink(missing_ok=True)
         verdict = "DEAF" if after_s is None else f"commandable after {after_s:.1f} s" + (f", {resets} resets" if resets else "")
         return {"kind": order.kind, "order": order.name, "said": [s for s in said if s], "ok": after_s is not None,
                 "after_s": None if after_s is None else round(after_s, 2), "resets": resets, "verdict": verdict}  # fmt: skip
