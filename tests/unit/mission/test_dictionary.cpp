@@ -329,12 +329,14 @@ TEST_F(DictionaryFile, SaysThatThereIsNone) {
 class MissionFile : public DictionaryFile {
  protected:
   std::string fault(const std::string& more) {
-    std::ofstream(folder_ / "payload_x.yaml")
+    std::filesystem::create_directories(folder_ / "payload_x");
+    std::ofstream(folder_ / "payload_x" / "dictionary.yaml")
         << "apids: [{ name: payload_x, apid: 300, node: payload_x }]\n"
            "structures:\n  - { name: payload_x, id: 2300, node: payload_x, interval_ms: 1000, fields: "
            "[{ name: cycle, type: u64 }, { name: charge, type: f32 }, { name: q, type: f32, count: 4 }, "
            "{ name: note, type: text, max: 8 }, { name: late, type: f32 }] }\n";
-    return DictionaryFile::fault("include: [payload_x.yaml]\nspacecraft: { name: X, id: 7 }\n" + more);
+    return DictionaryFile::fault("include: [payload_x/dictionary.yaml]\nspacecraft: { name: X, id: 7 }\n" +
+                                 more);
   }
 };
 
@@ -375,12 +377,23 @@ TEST_F(MissionFile, IsRefusedWithItsReason) {
   const std::string good = "payloads: [payload_x]\n";
   EXPECT_THAT(fault("payloads: [moon]\n"), HasSubstr("nodes of the list apids"));
   EXPECT_THAT(fault(""), HasSubstr("payloads in the mission's file"));
-  EXPECT_THAT(fault(good + "beacon: { a: { structure: moon, field: x } }\n"), HasSubstr("structure"));
-  EXPECT_THAT(fault(good + "beacon: { a: { structure: payload_x, field: q } }\n"), HasSubstr("1 x f32"));
-  EXPECT_THAT(fault(good + "beacon: { a: { structure: payload_x, field: late } }\n"),
+  EXPECT_THAT(fault(good + "beacon: { battery_charge: { structure: moon, field: x } }\n"),
+              HasSubstr("structure"));
+  EXPECT_THAT(fault(good + "beacon: { battery_charge: { structure: payload_x, field: q } }\n"),
+              HasSubstr("1 x f32"));
+  EXPECT_THAT(fault(good + "beacon: { battery_charge: { structure: payload_x, field: late } }\n"),
               HasSubstr("no text before"));
   EXPECT_THAT(fault(good + "attitude: { structure: payload_x, field: charge }\n"), HasSubstr("4 x f32"));
+  EXPECT_THAT(fault(good + "beacon: { batery_charge: { structure: payload_x, field: charge } }\n"),
+              HasSubstr("one of battery_voltage_v"));
+  EXPECT_THAT(fault(good + "parameter_ids: { answer_timeout_ms: 65535 }\n"), HasSubstr("ids up to 65535"));
   EXPECT_THAT(fault(good + "colour: red\n"), HasSubstr("unknown key"));
+  for (const char* elsewhere :
+       {"payload_x.yaml", "../payload_x/dictionary.yaml", "a/payload_x/dictionary.yaml",
+        "/payload_x/dictionary.yaml", "../dictionary.yaml"}) {
+    EXPECT_THAT(DictionaryFile::fault("include: [" + std::string(elsewhere) + "]\n" + good),
+                HasSubstr("FOLDER/dictionary.yaml"));
+  }
 }
 
 TEST_F(DictionaryFile, AppliesAPolynomialCalibration) {
