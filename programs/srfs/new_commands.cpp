@@ -4,6 +4,7 @@
 
 #include <spawn.h>
 #include <sys/wait.h>
+#include <unistd.h>
 
 #include <algorithm>
 #include <vector>
@@ -13,6 +14,7 @@
 #include "base/file.hpp"
 #include "programs/srfs/answer.hpp"
 #include "programs/srfs/new_files.hpp"
+#include "suite/added_nodes.hpp"
 #include "suite/launcher.hpp"
 #include "suite/run_node.hpp"
 
@@ -21,7 +23,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-// Everything that the order or the disk does not allow is a ConfigError; run() reports it.
+// Everything that the order or the disk does not allow is an exception; run() reports it.
 
 constexpr std::size_t largest_file = 1U << 20U;
 
@@ -49,45 +51,166 @@ void write(const fs::path& file, const std::string& text) {
     throw ConfigError(written.error().message);
 }
 
+/// Absolute, without a '/' at its end: its name is the last part.
+fs::path folder_of(const fs::path& named) {
+  const fs::path folder = fs::absolute(named).lexically_normal();
+  return folder.has_filename() ? folder : folder.parent_path();
+}
+
+void refuse_existing(const fs::path& path) {
+  std::error_code ec;
+  if (fs::exists(path, ec))
+    throw ConfigError(fmt::format("{} is there already: nothing was changed", path.string()));
+}
+
+/// Replaces the texts of files that are there, then does the rest; when that fails, they are as before.
+template <class Rest>
+void replace_files(const std::vector<ChangedFile>& files, const Rest& rest) {
+  std::vector<ChangedFile> before;
+  for (const ChangedFile& file : files) {
+    before.push_back({file.name, text_of(file.name)});
+    const fs::path folder = fs::path(file.name).parent_path();
+    if (access(file.name.c_str(), W_OK) != 0 || access(folder.c_str(), W_OK) != 0)
+      throw ConfigError(fmt::format("{} cannot be written: nothing was changed", file.name));
+  }
+  try {
+    for (const ChangedFile& file : files) write(file.name, file.text);
+    rest();
+  } catch (const std::exception&) {
+    for (const ChangedFile& file : before) static_cast<void>(write_file_atomically(file.name, file.text));
+    throw;
+  }
+}
+
+/// What is new in a folder is written in a hidden one, and moved when all of it is there and fits.
+class NewFiles {
+ public:
+  explicit NewFiles(fs::path in)
+      : in_(std::move(in)),
+        in_is_new_(!fs::exists(in_)),
+        hidden_(in_is_new_ ? in_.parent_path() / fmt::format(".{}.unfinished", in_.filename().string())
+                           : in_ / ".new.unfinished") {
+    fs::remove_all(hidden_);
+    fs::create_directories(hidden_);
+  }
+  ~NewFiles() {
+    std::error_code ec;
+    fs::remove_all(hidden_, ec);
+  }
+  NewFiles(const NewFiles&) = delete;
+  NewFiles& operator=(const NewFiles&) = delete;
+
+  [[nodiscard]] const fs::path& folder() const { return hidden_; }
+
+  /// With these files changed, or nothing at all is.
+  void move(const std::vector<ChangedFile>& changed) const {
+    replace_files(changed, [this] {
+      if (in_is_new_) return fs::rename(hidden_, in_);
+      std::vector<fs::path> names;
+      for (const auto& entry : fs::directory_iterator(hidden_)) names.push_back(entry.path().filename());
+      for (const fs::path& name : names) refuse_existing(in_ / name);
+      std::vector<fs::path> moved;
+      try {
+        for (const fs::path& name : names) {
+          fs::rename(hidden_ / name, in_ / name);
+          moved.push_back(in_ / name);
+        }
+      } catch (const fs::filesystem_error&) {
+        std::error_code ec;
+        for (const fs::path& path : moved) fs::remove_all(path, ec);
+        throw;
+      }
+    });
+  }
+
+ private:
+  fs::path in_;
+  bool in_is_new_;
+  fs::path hidden_;
+};
+
 std::string filled_template(const fs::path& file, const Placeholders& values) {
   const auto text = filled(text_of(file), values);
   if (!text) throw ConfigError(fmt::format("{}: there is no value for @{}@", file.string(), text.error()));
   return *text;
 }
 
-/// The mission dictionary with the fragments of the nodes that were added to the suite, and of the folders in
-/// @p folder.
-mission::Dictionary dictionary_with(const Target& target, const fs::path& folder) {
-  const auto own = mission::Dictionary::load(mission::Dictionary::default_folder());
-  std::vector<mission::Fragment> fragments;
-  for (const suite::AddedNode& node : target.deployment.added)
-    if (!node.dictionary.empty()) fragments.push_back({node.name, node.dictionary});
-  std::vector<fs::path> files;
+/// The mission that the new one is for.
+struct Mission {
+  suite::Deployment deployment;
+  fs::path dictionary;  ///< its folder
+};
+
+/// That of the folder, when it has a mission.yaml: with its own sim.yaml, else with the deployment of the
+/// command. Else the deployment's.
+Mission mission_of(const Target& target, const fs::path& folder) {
   std::error_code ec;
-  for (const auto& entry : fs::directory_iterator(folder, ec))
-    if (fs::is_regular_file(entry.path() / "dictionary.yaml", ec))
-      files.push_back(entry.path() / "dictionary.yaml");
-  std::sort(files.begin(), files.end());
-  for (const fs::path& file : files) {
-    const mission::Fragment fragment{file.string(), text_of(file)};
-    const auto node = fragment.node();
-    const bool known = node && (own.apid_of_node(*node) != nullptr ||
-                                std::any_of(fragments.begin(), fragments.end(),
-                                            [&](const auto& other) { return other.node() == node; }));
-    if (!known) fragments.push_back(fragment);
+  const bool is_mission = fs::exists(folder / "mission.yaml", ec);
+  const fs::path file = folder / "sim.yaml";
+  if (!is_mission || !fs::exists(file, ec)) {
+    fs::path dictionary = is_mission ? folder : target.deployment.dictionary;
+    if (dictionary.empty()) dictionary = mission::Dictionary::default_folder();
+    return {target.deployment, dictionary};
   }
-  std::vector<mission::RefusedFragment> refused;
-  auto dictionary =
-      mission::Dictionary::load_fitting(mission::Dictionary::default_folder(), fragments, refused);
-  for (const mission::RefusedFragment& fragment : refused)
-    fmt::print(stderr, "srfs new: its numbers may be used again: {}\n", fragment.why);
-  return dictionary;
+  auto deployment = suite::Deployment::load(file);
+  if (deployment.name == target.deployment.name)  // VAR may be that of another mission
+    deployment = suite::load_deployment(file, target.var).deployment;
+  fs::path dictionary = deployment.dictionary.empty() ? folder : deployment.dictionary;
+  return {std::move(deployment), std::move(dictionary)};
 }
 
-/// Writes the header of a fragment's structs. Without the generator's packages the build does it later.
-void generate_or_say(const fs::path& fragment, const fs::path& header) {
+/// The mission dictionary with the fragments of the nodes that were added to the suite, and of those in a
+/// folder.
+class KnownDictionary {
+ public:
+  KnownDictionary(const Mission& mission, const fs::path& folder)
+      : mission_(mission), dictionary_(mission::Dictionary::load(mission.dictionary)) {
+    for (const suite::AddedNode& node : mission.deployment.added)
+      if (!node.dictionary.empty()) fragments_.push_back({node.name, node.dictionary});
+    std::vector<fs::path> files;
+    std::error_code ec;
+    for (const auto& entry : fs::directory_iterator(folder, ec))
+      if (fs::is_regular_file(entry.path() / "dictionary.yaml", ec))
+        files.push_back(entry.path() / "dictionary.yaml");
+    std::sort(files.begin(), files.end());
+    for (const fs::path& file : files) add(file);
+    std::vector<mission::RefusedFragment> refused;
+    dictionary_ = mission::Dictionary::load_fitting(mission.dictionary, fragments_, refused);
+    for (const mission::RefusedFragment& fragment : refused) {
+      fmt::print(stderr, "srfs new: its numbers may be used again: {}\n", fragment.why);
+      std::erase_if(fragments_, [&](const auto& other) { return other.name == fragment.name; });
+    }
+  }
+
+  [[nodiscard]] const mission::Dictionary& dictionary() const { return dictionary_; }
+
+  /// Throws ConfigError when the mission's files, as they are now, or one more fragment do not fit.
+  void check(const std::vector<mission::Fragment>& more) const {
+    auto all = fragments_;
+    all.insert(all.end(), more.begin(), more.end());
+    static_cast<void>(mission::Dictionary::load(mission_.dictionary, all));
+  }
+
+ private:
+  void add(const fs::path& file) {
+    const mission::Fragment fragment{file.string(), text_of(file)};
+    const auto node = fragment.node();
+    const bool known = node && (dictionary_.apid_of_node(*node) != nullptr ||
+                                std::any_of(fragments_.begin(), fragments_.end(),
+                                            [&](const auto& other) { return other.node() == node; }));
+    if (!known) fragments_.push_back(fragment);
+  }
+
+  const Mission& mission_;
+  mission::Dictionary dictionary_;
+  std::vector<mission::Fragment> fragments_;
+};
+
+/// Writes the header of a fragment's structs. @return whether it is as new as the fragment
+bool generate_or_say(const fs::path& dictionary_folder, const fs::path& fragment, const fs::path& header,
+                     const std::string& node) {
   const std::string script = generator();
-  const std::string dictionary = mission::Dictionary::default_folder();
+  const std::string dictionary = dictionary_folder;
   const std::string in = fragment;
   const std::string out = header;
   std::vector<const char*> command{"/usr/bin/python3", "-B",         script.c_str(), "--dictionary",
@@ -100,10 +223,11 @@ void generate_or_say(const fs::path& fragment, const fs::path& header) {
   const bool generated =
       failure == 0 && waitpid(pid, &status, 0) == pid && WIFEXITED(status) && WEXITSTATUS(status) == 0;
   if (!generated)
-    fmt::print(
-        stderr,
-        "srfs new: {} was not generated, the build will do it: install python3-yaml and python3-jinja2\n",
-        header.filename().string());
+    fmt::print(stderr,
+               "srfs new: {} was not generated: the generator failed (it needs python3-yaml and "
+               "python3-jinja2). The build generates it; in the tree of SRFS the target {}_structures does\n",
+               header.filename().string(), node);
+  return generated;
 }
 
 Json to_json(const NewNumbers& n) {
@@ -112,17 +236,21 @@ Json to_json(const NewNumbers& n) {
 
 /// What was written, and what to type next.
 struct Report {
-  std::string node;
-  fs::path folder;
-  std::vector<std::string> files;
-  Json numbers;
-  std::vector<std::string> next;
+  std::string node = {};
+  fs::path folder = {};
+  std::vector<std::string> files = {};
+  Json numbers = {};
+  std::vector<std::string> made = {};     ///< files of a mission that was made for it
+  std::vector<std::string> changed = {};  ///< files outside of the folder that were there
+  std::vector<std::string> next = {};
 };
 
 int show(const Report& report, bool json) {
   std::string text = fmt::format("written in {}: {}", report.folder.string(), fmt::join(report.files, ", "));
   for (const auto& [name, value] : report.numbers.items())
     text += fmt::format("\n  {} {}", name, value.is_string() ? value.get<std::string>() : value.dump());
+  if (!report.made.empty()) text += fmt::format("\nmade: {}", fmt::join(report.made, ", "));
+  if (!report.changed.empty()) text += fmt::format("\nchanged: {}", fmt::join(report.changed, ", "));
   text += "\nnext:";
   for (const std::string& line : report.next) text += "\n  " + line;
   return done(text, json,
@@ -130,30 +258,52 @@ int show(const Report& report, bool json) {
                {"folder", report.folder.string()},
                {"files", report.files},
                {"numbers", report.numbers},
+               {"made", report.made},
+               {"changed", report.changed},
                {"next", report.next}});
 }
 
-/// Commands that build and test the folder: by itself, or in the tree that it is a part of.
-std::vector<std::string> build_commands(const fs::path& folder, const std::string& node, bool in_tree) {
+std::vector<std::string> names_of(const std::vector<ChangedFile>& files) {
+  std::vector<std::string> names;
+  for (const ChangedFile& file : files) names.push_back(file.name);
+  return names;
+}
+
+/// Where a folder is built: by itself, or by the project above that it is a part of, which may be SRFS.
+struct BuildPlace {
+  fs::path project;
+  fs::path folder;  ///< with bin/
+  bool is_of_srfs = false;
+};
+BuildPlace build_place_of(const fs::path& folder) {
+  std::error_code ec;
+  fs::path project = folder;
+  while (project.has_relative_path()) {
+    const auto above = read_file(project.parent_path() / "CMakeLists.txt", largest_file);
+    const std::string part = fmt::format("add_subdirectory({})", project.filename().string());
+    if (!above || above->find(part) == std::string::npos) break;
+    project = project.parent_path();
+  }
   const fs::path prefix = suite::suite_bin_folder().parent_path();
-  if (in_tree)
-    return {fmt::format("cmake --build {} --target {}_node test_{}", prefix.string(), node, node),
-            fmt::format("ctest --test-dir {} -R {} --output-on-failure", prefix.string(), node)};
-  const std::string build = folder / "build";
-  return {fmt::format("cmake -S {} -B {} -G Ninja -DCMAKE_PREFIX_PATH={}", folder.string(), build,
-                      prefix.string()),
+  if (fs::equivalent(project, SRFS_SOURCE_DIR, ec) && fs::exists(prefix / "CMakeCache.txt", ec))
+    return {project, prefix, true};
+  return {project, project / "build"};
+}
+
+/// Commands that build and test the folder of the node.
+std::vector<std::string> build_commands(const BuildPlace& place, const std::string& node) {
+  const std::string build = place.folder;
+  if (place.is_of_srfs)
+    return {fmt::format("cmake --build {} --target {}_node test_{}", build, node, node),
+            fmt::format("ctest --test-dir {} -R {} --output-on-failure", build, node)};
+  return {fmt::format("cmake -S {} -B {} -G Ninja -DCMAKE_PREFIX_PATH={}", place.project.string(), build,
+                      suite::suite_bin_folder().parent_path().string()),
           fmt::format("cmake --build {}", build),
           fmt::format("ctest --test-dir {} --output-on-failure", build)};
 }
 
-/// The folder is complete or absent: it is written under another name first.
-/// @param header  that is generated from dictionary.yaml; empty: none
 std::vector<std::string> write_folder(const fs::path& folder, const fs::path& templates,
-                                      const Placeholders& values, const std::string& header) {
-  const fs::path unfinished =
-      folder.parent_path() / fmt::format(".{}.unfinished", folder.filename().string());
-  std::error_code ec;
-  fs::remove_all(unfinished, ec);
+                                      const Placeholders& values) {
   std::vector<std::string> files;
   for (const auto& entry : fs::recursive_directory_iterator(templates)) {
     if (!entry.is_regular_file()) continue;
@@ -162,35 +312,58 @@ std::vector<std::string> write_folder(const fs::path& folder, const fs::path& te
     const auto name = filled(relative.string(), values);
     if (!name)
       throw ConfigError(fmt::format("{}: there is no value for @{}@", entry.path().string(), name.error()));
-    write(unfinished / *name, filled_template(entry.path(), values));
+    write(folder / *name, filled_template(entry.path(), values));
     files.push_back(*name);
   }
-  if (!header.empty()) {
-    generate_or_say(unfinished / "dictionary.yaml", unfinished / header);
-    files.push_back(header);
-  }
-  fs::rename(unfinished, folder, ec);
-  if (ec) throw ConfigError(fmt::format("{}: {}", folder.string(), ec.message()));
   std::sort(files.begin(), files.end());
   return files;
 }
 
-/// @return whether the folder became a part of the build in @p in
-bool add_to_build(const fs::path& in, const std::string& node) {
+/// The CMakeLists.txt of the folder with the node in it; none where there is none.
+std::vector<ChangedFile> with_subdirectory(const fs::path& in, const std::string& node) {
   const fs::path file = in / "CMakeLists.txt";
   std::error_code ec;
-  if (!fs::exists(file, ec)) return false;
+  if (!fs::exists(file, ec)) return {};
   std::string text = text_of(file);
   if (!text.empty() && text.back() != '\n') text += '\n';
-  write(file, text + fmt::format("add_subdirectory({})\n", node));
-  return true;
+  return {ChangedFile{file.string(), text + fmt::format("add_subdirectory({})\n", node)}};
+}
+
+/// Headers of SRFS that nodes include.
+std::vector<fs::path> headers_of_srfs() {
+  std::error_code ec;
+  std::vector<fs::path> folders{suite::suite_bin_folder().parent_path() / "include/srfs"};
+  if (!fs::exists(folders.front(), ec)) {
+    folders.clear();
+    for (const char* folder : {"lib", "nodes/payload", "hw_sim"})
+      folders.push_back(fs::path(SRFS_SOURCE_DIR) / folder);
+  }
+  std::vector<fs::path> headers;
+  for (const fs::path& folder : folders)
+    for (const auto& entry : fs::recursive_directory_iterator(folder))
+      if (entry.path().extension() == ".hpp") headers.push_back(entry.path());
+  return headers;
+}
+
+/// Throws ConfigError when a class of the new one would have the name of one of SRFS or of its own files.
+void refuse_taken_classes(const std::vector<std::string>& classes, const fs::path& templates) {
+  const auto refuse = [&](const fs::path& file, TypeScope scope) {
+    const std::string text = text_of(file);
+    for (const std::string& name : classes)
+      if (declares_type(text, name, scope))
+        throw ConfigError(
+            fmt::format("its class would be {}, which {} has: choose another name", name, file.string()));
+  };
+  for (const auto& entry : fs::recursive_directory_iterator(templates))
+    if (entry.is_regular_file()) refuse(entry.path(), TypeScope::any);
+  for (const fs::path& header : headers_of_srfs()) refuse(header, TypeScope::srfs);
 }
 
 std::string major_and_minor(const std::string& version) {
   return version.substr(0, version.find('.', version.find('.') + 1));
 }
 
-/// What the templates of a node's folder need. Throws ConfigError when it cannot be written there.
+/// What the templates of a node's folder need.
 Placeholders placeholders_of(const NewOrder& order, const std::string& node, const NewNumbers& numbers) {
   return {{"name", order.name},
           {"Name", camel(order.name)},
@@ -205,40 +378,52 @@ Placeholders placeholders_of(const NewOrder& order, const std::string& node, con
           {"srfs_version", major_and_minor(suite::version())}};
 }
 
-NewNumbers numbers_for(const Target& target, const fs::path& in, const std::string& node) {
-  std::error_code ec;
-  if (fs::exists(in / node, ec))
-    throw ConfigError(fmt::format("{} is there already: nothing was changed", (in / node).string()));
-  const mission::Dictionary dictionary = dictionary_with(target, in);
-  if (target.deployment.find(node) != nullptr || dictionary.apid_of_node(node) != nullptr)
-    throw ConfigError(fmt::format("there is a node '{}' already: choose another name", node));
-  const auto numbers = free_numbers(dictionary);
+void refuse_taken_node(bool taken, const std::string& node) {
+  if (taken) throw ConfigError(fmt::format("there is a node '{}' already: choose another name", node));
+}
+
+NewNumbers numbers_in(const KnownDictionary& known) {
+  const auto numbers = free_numbers(known.dictionary());
   if (!numbers) throw ConfigError(numbers.error());
   return *numbers;
 }
 
 int write_node(const Target& target, const NewOrder& order, const std::string& kind,
                const std::string& node) {
-  const fs::path folder = (order.in / node).lexically_normal();
-  std::error_code ec;
-  if (!fs::is_directory(order.in, ec))
-    throw ConfigError(fmt::format("{}: no such folder", order.in.string()));
-  const NewNumbers numbers = numbers_for(target, order.in, node);
+  const fs::path in = folder_of(order.in);
+  const fs::path folder = in / node;
+  if (!fs::is_directory(in)) throw ConfigError(fmt::format("{}: no such folder", in.string()));
+  refuse_existing(folder);
+  refuse_taken_classes({camel(order.name), camel(node) + "Node"}, templates_of(kind));
+  const Mission mission = mission_of(target, in);
+  const KnownDictionary known(mission, in);
+  refuse_taken_node(
+      mission.deployment.find(node) != nullptr || known.dictionary().apid_of_node(node) != nullptr, node);
+  const NewNumbers numbers = numbers_in(known);
   std::string ring_after;  // the last one that does not come and go
-  for (const suite::NodeEntry& entry : target.deployment.nodes)
+  for (const suite::NodeEntry& entry : mission.deployment.nodes)
     if (!entry.added) ring_after = entry.name;
   Placeholders values = placeholders_of(order, node, numbers);
   values["ring_after"] = ring_after;
 
-  Report report{.node = node, .folder = folder, .files = {}, .numbers = to_json(numbers), .next = {}};
+  Report report{.node = node, .folder = folder, .numbers = to_json(numbers)};
   report.numbers["checked in the ring by"] = ring_after;
-  report.files = write_folder(folder, templates_of(kind), values, order.name + "_structures.hpp");
-  const bool in_tree = add_to_build(order.in, node);
-  report.next = build_commands(folder, node, in_tree);
-  const fs::path bin = suite::suite_bin_folder();
-  const fs::path program = (in_tree ? bin : folder / "build/bin") / (node + "_node");
-  report.next.push_back(
-      fmt::format("{} node add {} --program {}", (bin / "srfs").string(), folder.string(), program.string()));
+  const NewFiles files(in);
+  const fs::path written = files.folder() / node;
+  report.files = write_folder(written, templates_of(kind), values);
+  known.check({{node, text_of(written / "dictionary.yaml")}});
+  const std::string header = order.name + "_structures.hpp";
+  if (generate_or_say(mission.dictionary, written / "dictionary.yaml", written / header, node))
+    report.files.insert(std::upper_bound(report.files.begin(), report.files.end(), header), header);
+  const std::vector<ChangedFile> changed = with_subdirectory(in, node);
+  files.move(changed);
+  report.changed = names_of(changed);
+
+  const BuildPlace place = build_place_of(folder);
+  report.next = build_commands(place, node);
+  report.next.push_back(fmt::format("{} node add {} --program {}",
+                                    (suite::suite_bin_folder() / "srfs").string(), folder.string(),
+                                    (place.folder / "bin" / (node + "_node")).string()));
   return show(report, order.json);
 }
 
@@ -255,51 +440,117 @@ std::vector<PeripheralPlace> places_in(const fs::path& deployment) {
   return places;
 }
 
-/// A mission of its own, without payloads: it is made when it is not there.
-void make_mission(const fs::path& folder) {
-  std::error_code ec;
-  if (fs::exists(folder, ec)) return;
-  const std::string name = fs::absolute(folder).lexically_normal().filename();
-  if (const std::string why = refusal_of_new_name(name); !why.empty()) throw ConfigError(why);
-  static_cast<void>(write_folder(
+/// A mission of its own, without payloads. @param name  of its folder @return its files
+std::vector<std::string> write_mission(const fs::path& folder, const std::string& name) {
+  if (const std::string why = refusal_of_new_name(name); !why.empty())
+    throw ConfigError(fmt::format("--in: the folder's name is the mission's: {}", why));
+  return write_folder(
       folder, templates_of("mission"),
-      {{"mission", name}, {"Mission", camel(name)}, {"srfs_version", major_and_minor(suite::version())}},
-      ""));
+      {{"mission", name}, {"Mission", camel(name)}, {"srfs_version", major_and_minor(suite::version())}});
+}
+
+/// Its sim.yaml is none that could be loaded before it has a slot.
+Mission mission_without_payloads(const fs::path& folder) {
+  Mission mission;
+  mission.deployment.file = folder / "sim.yaml";
+  mission.dictionary = folder;
+  return mission;
+}
+
+/// Throws ConfigError for a deployment that is not this mission's, or a copy which the next build overwrites.
+void refuse_other_deployment(const Mission& mission) {
+  std::error_code ec;
+  const suite::Deployment& deployment = mission.deployment;
+  const fs::path file = fs::absolute(deployment.file).lexically_normal();
+  if (file.parent_path() == mission.dictionary) return;
+  if (!deployment.dictionary.empty() && !fs::equivalent(deployment.dictionary, mission.dictionary, ec))
+    throw ConfigError(fmt::format("{} is the deployment of another mission, {}: choose with --deployment",
+                                  file.string(), deployment.dictionary.string()));
+  for (fs::path folder = file.parent_path(); folder.has_relative_path(); folder = folder.parent_path()) {
+    const fs::path prefix = folder.parent_path();
+    if (folder.filename() == "share" &&
+        (fs::exists(prefix / "CMakeCache.txt", ec) || fs::exists(prefix / "bin/srfs", ec)))
+      throw ConfigError(fmt::format("{} is a copy in {}: name its source with --deployment", file.string(),
+                                    prefix.string()));
+  }
+}
+
+/// The mission's files with the payload in them. Throws ConfigError when it has no place there.
+std::vector<ChangedFile> mission_with(const Mission& mission, const fs::path& folder, const std::string& node,
+                                      const PeripheralPlace& place) {
+  const auto file = [](const fs::path& path) { return ChangedFile{path.string(), text_of(path)}; };
+  const auto changed = with_payload({.build = file(folder / "CMakeLists.txt"),
+                                     .dictionary = file(folder / "mission.yaml"),
+                                     .deployment = file(fs::absolute(mission.deployment.file))},
+                                    node, place);
+  if (!changed) throw ConfigError(changed.error());
+  return {changed->build, changed->dictionary, changed->deployment};
+}
+
+/// The mission's dictionary as it will be, in a folder of its own: links to the files that are there, beside
+/// a new mission.yaml and what is known of the payload before it has numbers.
+void write_view(const fs::path& view, const fs::path& home, const std::string& mission_yaml,
+                const std::string& node) {
+  constexpr int other_apid = 2046;  // not one that free_numbers() gives
+  fs::create_directory(view);
+  for (const auto& entry : fs::directory_iterator(home)) {
+    const fs::path name = entry.path().filename();
+    if (name != "mission.yaml" && entry.path() != view && entry.path() != view.parent_path())
+      fs::create_symlink(entry.path(), view / name);
+  }
+  write(view / "mission.yaml", mission_yaml);
+  write(view / node / "dictionary.yaml",
+        fmt::format("subsystem: {0}\napids: [{{ name: {0}, apid: {1}, node: {0} }}]\n", node, other_apid));
 }
 
 int write_payload(const Target& target, const NewOrder& order) {
   const std::string node = "payload_" + order.name;
-  const fs::path in = (order.in / "").lexically_normal().parent_path();
-  const NewNumbers numbers = numbers_for(target, in, node);
-  make_mission(in);
-  std::error_code ec;
-  const auto first_of = [&](const fs::path& own, const fs::path& other) {
-    return fs::exists(own, ec) ? own : other;
-  };
-  const fs::path dictionary = first_of(in / "mission.yaml", in / "dictionary.yaml");
-  const fs::path deployment = first_of(in / "sim.yaml", target.deployment.file);
-  const fs::path build = in / "CMakeLists.txt";
-  const auto place = free_place(places_in(deployment));
+  const fs::path in = folder_of(order.in);
+  const fs::path folder = in / node;
+  refuse_existing(folder);
+  refuse_taken_classes({camel(order.name) + "Profile", camel(order.name) + "Model"}, templates_of("payload"));
+  Report report{.node = node, .folder = folder};
+  const bool is_new = !fs::exists(in / "CMakeLists.txt");
+  const NewFiles files(in);
+  if (is_new) {
+    for (const std::string& file : write_mission(files.folder(), in.filename()))
+      report.made.push_back((in / file).string());
+  }
+  const fs::path home = is_new ? files.folder() : in;
+  if (!fs::exists(home / "mission.yaml"))
+    throw ConfigError(fmt::format("{} is no mission: it has no mission.yaml", in.string()));
+  Mission mission = is_new ? mission_without_payloads(home) : mission_of(target, home);
+  refuse_other_deployment(mission);
+  refuse_taken_node(mission.deployment.find(node) != nullptr, node);
+  const auto place = free_place(places_in(mission.deployment.file));
   if (!place) throw ConfigError(place.error());
-  const auto mission = with_payload({.build = {build.string(), text_of(build)},
-                                     .dictionary = {dictionary.string(), text_of(dictionary)},
-                                     .deployment = {deployment.string(), text_of(deployment)}},
-                                    node, *place);
-  if (!mission) throw ConfigError(mission.error());
+  const std::vector<ChangedFile> changed = mission_with(mission, home, node, *place);
+  mission.dictionary = files.folder() / ".view";
+  write_view(mission.dictionary, home, changed[1].text, node);
+  const KnownDictionary known(mission, home);
+  const NewNumbers numbers = numbers_in(known);
   Placeholders values = placeholders_of(order, node, numbers);
   values["can_address"] = fmt::format("0x{:02X}", place->can_address);
   values["power_line"] = std::to_string(place->power_line);
 
-  const fs::path folder = in / node;
-  Report report{.node = node, .folder = folder, .files = {}, .numbers = to_json(numbers), .next = {}};
+  report.numbers = to_json(numbers);
   report.numbers["can_address"] = values["can_address"];
   report.numbers["power_line"] = place->power_line;
-  report.files = write_folder(folder, templates_of("payload"), values, "");
-  for (const ChangedFile& file : {mission->build, mission->dictionary, mission->deployment})
-    write(file.name, file.text);
-  const bool in_tree = fs::exists(in / ".." / "CMakeLists.txt", ec);
-  report.next = build_commands(in_tree ? folder : in, node, in_tree);
-  if (in_tree) report.next.push_back("./run sim");
+  report.numbers["deployment"] = is_new ? (in / "sim.yaml").string() : changed.back().name;
+  report.files = write_folder(files.folder() / node, templates_of("payload"), values);
+  write(mission.dictionary / node / "dictionary.yaml", text_of(files.folder() / node / "dictionary.yaml"));
+  known.check({});
+  fs::remove_all(mission.dictionary);
+  if (is_new) {
+    for (const ChangedFile& file : changed) write(file.name, file.text);
+    files.move({});
+  } else {
+    files.move(changed);
+    report.changed = names_of(changed);
+  }
+  const BuildPlace build = build_place_of(folder);
+  report.next = build_commands(build, node);
+  if (build.is_of_srfs) report.next.push_back("./run sim");
   return show(report, order.json);
 }
 
@@ -317,23 +568,25 @@ fs::path file_with(const fs::path& folder, std::string_view end, std::string_vie
                   folder.string(), end, text));
 }
 
-int write_telecommand(const NewOrder& order) {
-  const fs::path fragment_file = order.in / "dictionary.yaml";
+int write_telecommand(const Target& target, const NewOrder& order) {
+  const fs::path folder = folder_of(order.in);
+  const fs::path fragment_file = folder / "dictionary.yaml";
   const mission::Fragment fragment{fragment_file.string(), text_of(fragment_file)};
   const auto node = fragment.node();
   if (!node) throw ConfigError(fmt::format("{}: it names no node", fragment_file.string()));
-  const auto dictionary = mission::Dictionary::load(mission::Dictionary::default_folder(), {fragment});
+  const fs::path mission = mission_of(target, folder.parent_path()).dictionary;
+  const auto dictionary = mission::Dictionary::load(mission, {fragment});
   const std::string prefix = prefix_of(dictionary, *node);
   const std::string command = prefix + "." + order.name;
   if (dictionary.command(command) != nullptr)
     throw ConfigError(fmt::format("there is a telecommand '{}' already: choose another name", command));
   const std::uint16_t function = free_function(dictionary, *node);
 
-  const fs::path header = file_with(order.in, ".hpp", "CommandSet<");
+  const fs::path header = file_with(folder, ".hpp", "CommandSet<");
   fs::path source = header;
   source.replace_extension(".cpp");
   const std::string stem = header.stem();
-  const fs::path test = order.in / "test" / fmt::format("test_{}.cpp", stem);
+  const fs::path test = folder / "test" / fmt::format("test_{}.cpp", stem);
   const Placeholders values{{"name", order.name},
                             {"Name", camel(order.name)},
                             {"prefix", prefix},
@@ -357,23 +610,18 @@ int write_telecommand(const NewOrder& order) {
                                      .test = part("test.cpp.in")});
   if (!changed) throw ConfigError(changed.error());
   // It must still be a dictionary before any file is changed.
-  static_cast<void>(mission::Dictionary::load(mission::Dictionary::default_folder(),
-                                              {{fragment.name, changed->dictionary}}));
-  const fs::path structures = order.in / (stem + "_structures.hpp");
-  Report report{.node = *node,
-                .folder = order.in,
-                .files = {"dictionary.yaml", header.filename(), source.filename(),
-                          "test/" + test.filename().string(), structures.filename()},
-                .numbers = {{"telecommand", command}, {"function", function}},
-                .next = {}};
-  write(header, changed->header.text);
-  write(source, changed->source.text);
-  write(test, changed->test.text);
-  write(fragment_file, changed->dictionary);
-  generate_or_say(fragment_file, structures);
-  std::error_code ec;
-  const bool in_tree = fs::exists(order.in / ".." / "CMakeLists.txt", ec);
-  report.next = build_commands(order.in, *node, in_tree);
+  static_cast<void>(mission::Dictionary::load(mission, {{fragment.name, changed->dictionary}}));
+  const fs::path structures = folder / (stem + "_structures.hpp");
+  Report report{
+      .node = *node,
+      .folder = folder,
+      .files = {"dictionary.yaml", header.filename(), source.filename(), "test/" + test.filename().string()},
+      .numbers = {{"telecommand", command}, {"function", function}}};
+  const ChangedFile new_fragment{fragment_file.string(), changed->dictionary};
+  replace_files({changed->header, changed->source, changed->test, new_fragment}, [] {});
+  if (generate_or_say(mission, fragment_file, structures, *node))
+    report.files.push_back(structures.filename());
+  report.next = build_commands(build_place_of(folder), *node);
   return show(report, order.json);
 }
 
@@ -385,6 +633,9 @@ int run(const NewOrder& order, const Write& write_it) {
     return write_it();
   } catch (const ConfigError& error) {
     return fail(CommandExit::refused, error.what(), order.json);
+  } catch (const fs::filesystem_error& error) {
+    const std::string why = fmt::format("{}: {}", error.path1().string(), error.code().message());
+    return fail(CommandExit::refused, why, order.json);
   }
 }
 
@@ -402,8 +653,8 @@ int new_payload(const Target& target, const NewOrder& order) {
   return run(order, [&] { return write_payload(target, order); });
 }
 
-int new_telecommand(const Target& /*target*/, const NewOrder& order) {
-  return run(order, [&] { return write_telecommand(order); });
+int new_telecommand(const Target& target, const NewOrder& order) {
+  return run(order, [&] { return write_telecommand(target, order); });
 }
 
 }  // namespace srfs::tool

@@ -9,8 +9,9 @@
 
 namespace srfs::tool {
 
-/// `srfs new KIND NAME --in FOLDER`. The numbers are free in the mission dictionary, with the nodes that were
-/// added to the suite and those in the folder.
+/// `srfs new KIND NAME --in FOLDER`. The numbers are free in the dictionary of the mission whose folder is
+/// IN, else of the deployment, with the nodes that were added to the suite and those in the folder. Either
+/// all is written, or nothing is changed and the answer says why.
 struct NewOrder {
   std::string name;
   std::filesystem::path in;

@@ -15,18 +15,28 @@ constexpr std::uint16_t first_apid = 64;  // those below are the mission's
 constexpr std::uint16_t last_apid = 600;  // 100 times it is a u16 still
 constexpr std::uint16_t events_of_a_node = 10;
 
-// What C++ reserves and is a plain word; what a folder, a target or a class of the templates is called.
-constexpr std::array reserved{
-    "alignas",  "alignof",  "and",      "asm",       "auto",      "bool",     "break",    "build",
-    "case",     "catch",    "char",     "class",     "concept",   "const",    "continue", "default",
-    "delete",   "do",       "double",   "else",      "enum",      "explicit", "export",   "extern",
-    "false",    "float",    "for",      "friend",    "goto",      "if",       "inline",   "int",
-    "long",     "main",     "mission",  "mutable",   "namespace", "new",      "node",     "not",
-    "operator", "or",       "private",  "protected", "public",    "register", "requires", "result",
-    "return",   "ros",      "short",    "signed",    "sizeof",    "srfs",     "static",   "struct",
-    "suite",    "switch",   "template", "test",      "this",      "throw",    "true",     "try",
-    "typedef",  "typename", "union",    "unsigned",  "using",     "virtual",  "void",     "volatile",
-    "while",    "xor"};
+// Words of C++, and macros of its compiler; what a folder, a target or a class of the templates is called.
+constexpr std::array reserved{"alignas",      "alignof",   "and",          "and_eq",    "asm",
+                              "assert",       "auto",      "bitand",       "bitor",     "bool",
+                              "break",        "build",     "case",         "catch",     "char",
+                              "char16_t",     "char32_t",  "char8_t",      "class",     "co_await",
+                              "co_return",    "co_yield",  "compl",        "concept",   "const",
+                              "const_cast",   "consteval", "constexpr",    "constinit", "continue",
+                              "decltype",     "default",   "delete",       "do",        "double",
+                              "dynamic_cast", "else",      "enum",         "errno",     "explicit",
+                              "export",       "extern",    "false",        "float",     "for",
+                              "friend",       "goto",      "if",           "inline",    "int",
+                              "linux",        "long",      "main",         "mission",   "mutable",
+                              "namespace",    "new",       "node",         "noexcept",  "not",
+                              "not_eq",       "nullptr",   "operator",     "or",        "or_eq",
+                              "private",      "protected", "public",       "register",  "reinterpret_cast",
+                              "requires",     "result",    "return",       "ros",       "short",
+                              "signed",       "sizeof",    "srfs",         "static",    "static_assert",
+                              "static_cast",  "struct",    "suite",        "switch",    "template",
+                              "test",         "this",      "thread_local", "throw",     "true",
+                              "try",          "typedef",   "typeid",       "typename",  "union",
+                              "unix",         "unsigned",  "using",        "virtual",   "void",
+                              "volatile",     "wchar_t",   "while",        "xor",       "xor_eq"};
 
 bool is_lower_snake_case(std::string_view name) {
   const auto is_lower = [](char c) { return c >= 'a' && c <= 'z'; };
@@ -38,6 +48,32 @@ bool is_lower_snake_case(std::string_view name) {
     before = c;
   }
   return true;
+}
+
+bool is_part_of_word(char c) {
+  return std::isalnum(static_cast<unsigned char>(c)) != 0 || c == '_';
+}
+
+bool has_word(std::string_view text, std::string_view word) {
+  for (std::size_t at = text.find(word); at != std::string_view::npos; at = text.find(word, at + 1)) {
+    const std::size_t end = at + word.size();
+    if ((at == 0 || !is_part_of_word(text[at - 1])) && (end == text.size() || !is_part_of_word(text[end])))
+      return true;
+  }
+  return false;
+}
+
+/// `class Name`, `using Name = ...` and the like at the begin of the line.
+bool line_declares(std::string_view line, std::string_view type) {
+  for (const std::string_view key :
+       {"class ", "struct ", "enum class ", "enum ", "union ", "concept ", "using "}) {
+    if (!line.starts_with(key)) continue;
+    std::string_view rest = line.substr(key.size());
+    if (rest.starts_with("[[")) rest.remove_prefix(std::min(rest.size(), rest.find("]] ") + 3));
+    if (rest.starts_with(type) && (rest.size() == type.size() || !is_part_of_word(rest[type.size()])))
+      return true;
+  }
+  return false;
 }
 
 /// Position of the first line, from @p from on, that is a key of the document itself; else the end.
@@ -66,6 +102,8 @@ std::string with_entry(std::string yaml, const std::string& key, const std::stri
 Result<std::string, std::string> with_declaration(std::string header, const CommandTexts& texts) {
   if (header.find(fmt::format(" {}(", texts.name)) != std::string::npos)
     return Err(fmt::format("it has a function '{}' already: choose another name", texts.name));
+  if (has_word(header, texts.name + "_"))
+    return Err(fmt::format("it has a member '{}_' already: choose another name", texts.name));
   const std::size_t set = header.find("CommandSet<");
   const std::size_t set_end = set == std::string::npos ? set : header.find(">;", set);
   if (set_end == std::string::npos) return Err(std::string("no 'using Commands = CommandSet<...>;'"));
@@ -117,6 +155,24 @@ std::string refusal_of_new_name(std::string_view name) {
   if (std::find(reserved.begin(), reserved.end(), name) != reserved.end())
     return fmt::format("'{}' is reserved: choose another name", name);
   return {};
+}
+
+bool declares_type(std::string_view text, std::string_view type, TypeScope scope) {
+  std::vector<bool> counts{scope == TypeScope::any};  // in each open namespace
+  while (!text.empty()) {
+    const std::size_t end = std::min(text.find('\n'), text.size());
+    std::string_view line = text.substr(0, end);
+    text.remove_prefix(std::min(end + 1, text.size()));
+    if (scope == TypeScope::any) {
+      line.remove_prefix(std::min(line.find_first_not_of(' '), line.size()));
+    } else if (line.starts_with("namespace ") && line.ends_with("{")) {
+      counts.push_back(line == "namespace srfs {" || line == "namespace srfs::sim {");
+    } else if (line.starts_with("}  // namespace") && counts.size() > 1) {
+      counts.pop_back();
+    }
+    if (counts.back() && line_declares(line, type)) return true;
+  }
+  return false;
 }
 
 std::string camel(std::string_view name) {

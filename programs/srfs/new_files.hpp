@@ -20,6 +20,11 @@ namespace srfs::tool {
 [[nodiscard]] std::string refusal_of_new_name(std::string_view name);
 inline constexpr std::size_t longest_new_name = 24;
 
+/// Which declarations count: those of the namespaces that new classes are in, or all.
+enum class TypeScope : std::uint8_t { srfs, any };
+/// Whether the text of a header declares a type of this name.
+[[nodiscard]] bool declares_type(std::string_view text, std::string_view type, TypeScope scope);
+
 /// "eps.switch_load" -> "EpsSwitchLoad": the generated struct of this name.
 [[nodiscard]] std::string camel(std::string_view name);
 

@@ -24,9 +24,9 @@ class NewTest(SystemTest):
         self.mine = self.folder / "mine"
         self.mine.mkdir()
 
-    def new(self, *words, folder=None):
+    def new(self, *words, folder=None, cwd=None):
         command = [str(BIN / "srfs"), "new", *words, "--in", str(folder or self.mine), "--var", str(self.var), "--json"]
-        done = subprocess.run(command, stdin=subprocess.DEVNULL, capture_output=True, text=True, timeout=60, cwd=self.folder)
+        done = subprocess.run(command, stdin=subprocess.DEVNULL, capture_output=True, text=True, timeout=60, cwd=cwd or self.folder)
         return done.returncode, json.loads(done.stdout)
 
     def test_the_example_in_the_tree_is_what_it_writes(self):
@@ -37,6 +37,18 @@ class NewTest(SystemTest):
             self.assertEqual((code, answer["ok"]), (0, True), answer)
         self.assertEqual(files_of(self.mine / EXAMPLE.name), files_of(EXAMPLE))
         self.assertEqual((self.mine / "CMakeLists.txt").read_text(), f"add_subdirectory(image_straylight)\nadd_subdirectory({EXAMPLE.name})\n")
+        self.assertIn(f"cmake -S {self.mine} -B {self.mine}/build ", answer["next"][0])  # built with what is above
+
+    def test_it_says_which_files_it_changed(self):
+        (self.mine / "CMakeLists.txt").write_text("project(mine)\n")
+        answer = self.new("node", "one")[1]
+        self.assertEqual((answer["made"], answer["changed"]), ([], [str(self.mine / "CMakeLists.txt")]))
+        self.assertEqual(answer["next"][-1].split()[-1], str(self.mine / "build/bin/one_node"))
+        alone = self.folder / "alone"
+        alone.mkdir()
+        answer = self.new("node", "one", folder=alone)[1]
+        self.assertEqual((answer["made"], answer["changed"]), ([], []))
+        self.assertIn(f"cmake -S {alone}/one -B {alone}/one/build ", answer["next"][0])
 
     def test_each_new_node_has_numbers_of_its_own(self):
         answers = [self.new(*order)[1] for order in (("node", "one"), ("node", "two"), ("method", "three"))]
@@ -65,6 +77,53 @@ class NewTest(SystemTest):
         self.assertEqual(answer["numbers"]["can_address"], "0x21")
         self.check_mission(ours, deployment, ["payload_adcs", "payload_eps", "payload_thermal", "payload_three"])
 
+    def test_a_payload_is_added_from_inside_of_its_mission(self):
+        mine = self.folder / "my_mission"
+        mine.mkdir()
+        made = self.new("payload", "one", folder=".", cwd=mine)[1]
+        self.assertEqual(made["made"], [str(mine / name) for name in ("CMakeLists.txt", "README.md", "mission.yaml", "sim.yaml")])
+        self.assertEqual(made["changed"], [])
+        added = self.new("payload", "two", folder=".", cwd=mine)[1]
+        self.assertEqual(added["changed"], [str(mine / name) for name in ("CMakeLists.txt", "mission.yaml", "sim.yaml")])
+        self.check_mission(mine, mine / "sim.yaml", ["payload_one", "payload_two"])
+        self.assertEqual({p.name for p in mine.iterdir()}, {"payload_one", "payload_two", *(Path(name).name for name in made["made"])})
+
+    def test_names_and_deployment_are_those_of_the_mission_it_is_for(self):
+        mine = self.folder / "my_mission"
+        for name in ("eps", "adcs"):  # SRFS' own mission has both
+            self.assertEqual(self.new("payload", name, folder=mine)[0], 0)
+        copy = mine / "build/share/my_mission"
+        shutil.copytree(mine, copy, ignore=lambda *_: {"build"})
+        (mine / "build/CMakeCache.txt").touch()
+        built = files_of(copy)
+        order = ("--deployment", str(copy / "sim.yaml"))
+        answer = self.new("payload", "three", *order, folder=mine)[1]
+        self.assertEqual(answer["numbers"]["deployment"], str(mine / "sim.yaml"))
+        self.check_mission(mine, mine / "sim.yaml", ["payload_eps", "payload_adcs", "payload_three"])
+        node = self.new("node", "four", folder=mine)[1]
+        self.assertEqual(node["numbers"]["checked in the ring by"], "payload_three")
+        self.assertEqual(self.new("telecommand", "go", folder=mine / "four")[0], 0)
+
+        ours = self.folder / "mission"
+        shutil.copytree(ROOT / "mission", ours)
+        before = files_of(ours)
+        self.assertIn("another mission", self.new("payload", "five", *order, folder=ours)[1]["error"])
+        (copy / "other.yaml").write_text((ROOT / "launch_config/sim.yaml").read_text())
+        self.assertIn("is a copy in", self.new("payload", "five", "--deployment", str(copy / "other.yaml"), folder=ours)[1]["error"])
+        self.assertEqual((files_of(ours), {**files_of(copy), "other.yaml": ""}), (before, {**built, "other.yaml": ""}))
+
+    def test_a_folder_that_cannot_become_a_mission_stays_as_it_is(self):
+        for name, why in (("Bad-Name", "--in: the folder's name"), ("mine", "README.md is there already")):
+            folder = self.folder / name
+            folder.mkdir(exist_ok=True)
+            (folder / "README.md").write_text("mine")
+            code, answer = self.new("payload", "one", folder=folder)
+            self.assertEqual(code, 1, answer)
+            self.assertIn(why, answer["error"])
+            self.assertEqual(files_of(folder), {"README.md": "mine"})
+        code, answer = self.new("payload", "one", folder=self.mine / "README.md/mission")
+        self.assertEqual((code, answer["ok"]), (1, False), answer)
+
     def check_mission(self, folder, deployment, payloads):
         mission = yaml.safe_load((folder / "mission.yaml").read_text())
         self.assertEqual(mission["payloads"], payloads)
@@ -86,18 +145,34 @@ class NewTest(SystemTest):
             (("node", "payload_eps"), "already"),
             (("method", "processing"), "already"),  # image_processing
             (("node", "there"), "is there already"),
+            (("method", "frame"), "its class would be Frame"),
+            (("node", "octets"), "its class would be Octets"),
+            (("node", "commanded"), "its class would be CommandedNode"),
+            (("payload", "payload"), "its class would be PayloadProfile"),
+            (("payload", "peripheral"), "its class would be PeripheralModel"),
         ):
             code, answer = self.new(*order)
             self.assertEqual((code, answer["ok"]), (1, False), answer)
             self.assertIn(why, answer["error"])
         self.assertEqual(files_of(self.mine), {"there/keep": "mine"})
 
+    def test_what_does_not_fit_the_dictionary_is_refused_before_a_file_is_written(self):
+        self.new("node", "one")
+        fragment = self.mine / "one/dictionary.yaml"
+        fragment.write_text(fragment.read_text().replace("one.counted", "two.counted"))
+        before = files_of(self.mine)
+        code, answer = self.new("node", "two")
+        self.assertEqual(code, 1, answer)
+        self.assertIn("two.counted", answer["error"])
+        self.assertEqual(files_of(self.mine), before)
+        self.assertEqual({p.name for p in self.mine.iterdir()}, {"one"})
+
     def test_a_telecommand_goes_only_where_it_has_a_place(self):
         self.assertEqual(self.new("node", "one")[0], 0)
         folder = self.mine / "one"
         self.assertEqual(self.new("telecommand", "go", folder=folder)[1]["numbers"], {"telecommand": "one.go", "function": 2})
         before = files_of(self.mine)
-        for name, why in (("go", "already"), ("housekeeping", "another name"), ("clear", "already")):
+        for name, why in (("go", "already"), ("housekeeping", "another name"), ("clear", "already"), ("ticks", "member 'ticks_'")):
             code, answer = self.new("telecommand", name, folder=folder)
             self.assertEqual(code, 1, answer)
             self.assertIn(why, answer["error"])

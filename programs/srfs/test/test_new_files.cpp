@@ -33,8 +33,29 @@ TEST(NewName, IsLowerCaseWordsJoinedByUnderscores) {
 }
 
 TEST(NewName, IsNoWordOfTheLanguageAndNoneOfTheFiles) {
-  for (const char* bad : {"class", "namespace", "xor", "test", "build", "main", "srfs"})
+  for (const char* bad : {"class", "namespace", "xor", "bitand", "nullptr", "constexpr", "co_await",
+                          "char8_t", "linux", "test", "build", "main", "srfs"})
     EXPECT_THAT(refusal_of_new_name(bad), HasSubstr("reserved")) << bad;
+}
+
+TEST(DeclaresType, SeesEachKindOfTypeInTheNamespacesOfNewClasses) {
+  const std::string header =
+      "namespace srfs {\nnamespace detail {\nclass Hidden {};\n}  // namespace detail\n"
+      "class [[nodiscard]] Frame {\n  struct Inner {};\n};\nstruct Stage;\nenum class Mode : int { a };\n"
+      "using Octets = int;\n}  // namespace srfs\nnamespace srfs::sim {\nclass Model;\n}  // namespace "
+      "srfs::sim\n"
+      "namespace srfs::hw {\nclass Camera;\n}  // namespace srfs::hw\n";
+  for (const char* type : {"Frame", "Stage", "Mode", "Octets", "Model"})
+    EXPECT_TRUE(declares_type(header, type, TypeScope::srfs)) << type;
+  for (const char* type : {"Hidden", "Inner", "Camera", "Fram", "Frames", "Sta"})
+    EXPECT_FALSE(declares_type(header, type, TypeScope::srfs)) << type;
+}
+
+TEST(DeclaresType, SeesThoseInsideOfClassesWhenAllCount) {
+  const std::string text = "class @Name@ {\n  using Commands = CommandSet<>;\n};";
+  EXPECT_TRUE(declares_type(text, "Commands", TypeScope::any));
+  EXPECT_FALSE(declares_type(text, "Commands", TypeScope::srfs));
+  EXPECT_FALSE(declares_type(text, "CommandSet", TypeScope::any));
 }
 
 TEST(Camel, IsTheNameOfTheGeneratedStruct) {
@@ -130,6 +151,13 @@ TEST_F(WithCommand, NamesTheFileThatHasNoPlaceForIt) {
 TEST_F(WithCommand, RefusesANameThatIsAFunctionOfTheClass) {
   texts.name = "execute";
   EXPECT_THAT(with_command(folder, texts).error(), HasSubstr("another name"));
+}
+
+TEST_F(WithCommand, RefusesANameWhoseMemberTheClassHas) {
+  texts.name = "a";  // int a_
+  EXPECT_THAT(with_command(folder, texts).error(), HasSubstr("member 'a_'"));
+  texts.name = "_a";
+  EXPECT_TRUE(with_command(folder, texts)) << "a part of a word is another word";
 }
 
 struct WithPayload : ::testing::Test {
