@@ -503,6 +503,16 @@ void write_view(const fs::path& view, const fs::path& home, const std::string& m
         fmt::format("subsystem: {0}\napids: [{{ name: {0}, apid: {1}, node: {0} }}]\n", node, other_apid));
 }
 
+KnownDictionary dictionary_in_view(const Mission& mission, const fs::path& home, const std::string& node) {
+  try {
+    return {mission, home};
+  } catch (const ConfigError& error) {
+    throw ConfigError(
+        fmt::format("{} does not fit into the mission: {} (ids of parameters: parameter_ids of mission.yaml)",
+                    node, error.what()));
+  }
+}
+
 int write_payload(const Target& target, const NewOrder& order) {
   const std::string node = "payload_" + order.name;
   const fs::path in = folder_of(order.in);
@@ -527,7 +537,7 @@ int write_payload(const Target& target, const NewOrder& order) {
   const std::vector<ChangedFile> changed = mission_with(mission, home, node, *place);
   mission.dictionary = files.folder() / ".view";
   write_view(mission.dictionary, home, changed[1].text, node);
-  const KnownDictionary known(mission, home);
+  const KnownDictionary known = dictionary_in_view(mission, home, node);
   const NewNumbers numbers = numbers_in(known);
   Placeholders values = placeholders_of(order, node, numbers);
   values["can_address"] = fmt::format("0x{:02X}", place->can_address);

@@ -167,6 +167,16 @@ class NewTest(SystemTest):
         self.assertEqual(files_of(self.mine), before)
         self.assertEqual({p.name for p in self.mine.iterdir()}, {"one"})
 
+        ours = self.folder / "mission"
+        shutil.copytree(ROOT / "mission", ours)
+        deployment = shutil.copy(ROOT / "launch_config/sim.yaml", self.folder)
+        self.assertEqual(self.new("payload", "one", "--deployment", deployment, folder=ours)[0], 0)
+        before = files_of(ours), Path(deployment).read_text()
+        code, answer = self.new("payload", "two", "--deployment", deployment, folder=ours)  # SRFS' files leave ids for four
+        self.assertEqual(code, 1, answer)
+        self.assertIn("parameter_ids", answer["error"])
+        self.assertEqual((files_of(ours), Path(deployment).read_text()), before)
+
     def test_a_telecommand_goes_only_where_it_has_a_place(self):
         self.assertEqual(self.new("node", "one")[0], 0)
         folder = self.mine / "one"
