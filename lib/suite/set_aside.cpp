@@ -13,6 +13,7 @@
 #include "base/fd.hpp"
 #include "base/file.hpp"
 #include "base/log.hpp"
+#include "base/text.hpp"
 #include "base/time.hpp"
 #include "suite/boot_store.hpp"
 #include "suite/parameter_store.hpp"
@@ -111,8 +112,7 @@ StartCount next_start(StartCount before, const std::optional<wire::BootRecord>& 
 
 std::string encode(const StartCount& count) {
   const std::string line = fmt::format("starts1 {} {}", count.starts, count.healthy_boot);
-  return line +
-         fmt::format(" {:08x}\n", crc32c({reinterpret_cast<const std::uint8_t*>(line.data()), line.size()}));
+  return line + fmt::format(" {:08x}\n", crc32c(as_octets(line)));
 }
 
 std::optional<StartCount> decode_start_count(std::string_view text) {

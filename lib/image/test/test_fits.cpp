@@ -10,9 +10,11 @@
 #include <gmock/gmock.h>
 
 #include "base/file.hpp"
+#include "base/text.hpp"
 #include "image/file/frame_file.hpp"
 #include "image/file/rice.hpp"
 #include "image/photograph/decoders.hpp"
+#include "image/test/ramp.hpp"
 #include "tests/temporary_folder.hpp"
 
 namespace srfs::image {
@@ -23,16 +25,12 @@ using Pixels = Grid<std::uint16_t>;
 
 constexpr std::size_t block = 2880;
 
-OctetView octets_of(const std::string& text) {
-  return {reinterpret_cast<const std::uint8_t*>(text.data()), text.size()};
-}
-
 std::string text_of(const Octets& octets) {
   return {octets.begin(), octets.end()};
 }
 
 std::string refusal(const std::string& content) {
-  const auto frame = decode_fits(octets_of(content));
+  const auto frame = decode_fits(as_octets(content));
   return frame ? "" : frame.error().reason;
 }
 
@@ -41,26 +39,6 @@ std::string with(std::string content, const std::string& key, const std::string&
   const auto at = content.find(fmt::format("{:<8}= ", key));
   EXPECT_NE(at, std::string::npos) << key;
   return content.replace(at + 10, 70, fmt::format("{:<70}", value));
-}
-
-/// A ramp: value 7 x + 100 y.
-Plane ramp(int width = 12, int height = 9) {
-  Plane plane(width, height);
-  for (int y = 0; y < height; ++y) {
-    for (int x = 0; x < width; ++x) plane.at(x, y) = static_cast<float>(7 * x + 100 * y);
-  }
-  return plane;
-}
-
-void expect_ramp(const Result<Frame, Refusal>& frame, float tolerance = 0) {
-  ASSERT_TRUE(frame) << frame.error().reason;
-  const Plane expected = ramp();
-  ASSERT_EQ(frame->pixels.width(), expected.width());
-  ASSERT_EQ(frame->pixels.height(), expected.height());
-  for (int y = 0; y < expected.height(); ++y) {
-    for (int x = 0; x < expected.width(); ++x)
-      EXPECT_NEAR(frame->pixels.at(x, y), expected.at(x, y), tolerance);
-  }
 }
 
 /// Noise of so many bits on a level.
@@ -144,9 +122,9 @@ TEST(Fits, PacksRowsToTheSameOctetsAsCfitsio) {
 
 TEST(Fits, ReadsWhatCfitsioPackedAndCfitsioReadsWhatItPacked) {
   for (const Pixels& pixels : samples()) {
-    expect_pixels(decode_fits(octets_of(packed_by_cfitsio(pixels))), pixels);
-    expect_pixels(decode_any_fits(octets_of(packed(pixels))), pixels);
-    expect_pixels(decode_fits(octets_of(packed(pixels))), pixels);
+    expect_pixels(decode_fits(as_octets(packed_by_cfitsio(pixels))), pixels);
+    expect_pixels(decode_any_fits(as_octets(packed(pixels))), pixels);
+    expect_pixels(decode_fits(as_octets(packed(pixels))), pixels);
   }
 }
 
@@ -298,7 +276,7 @@ TEST(Fits, WhereMemoryIsCappedLargerFramesAreRefused) {
 TEST(Fits, EveryCutFileIsRefusedAndEveryChangedOneGivesAFrameOrAReason) {
   const std::string good = packed(noise(40, 6, 5));
   const std::size_t table = good.size() - table_of(good).size();
-  OctetReader last_row(octets_of(good).subspan(table + 5 * 8, 8));
+  OctetReader last_row(as_octets(good).subspan(table + 5 * 8, 8));
   const std::size_t octets = last_row.u32();
   const std::size_t used = table + 6 * 8 + last_row.u32() + octets;
   for (std::size_t n = 0; n < used; n += 7) EXPECT_NE(refusal(good.substr(0, n)), "") << n;
@@ -307,7 +285,7 @@ TEST(Fits, EveryCutFileIsRefusedAndEveryChangedOneGivesAFrameOrAReason) {
     std::string changed = good;
     for (unsigned k = 0; k < 1 + random() % 4; ++k)
       changed[random() % changed.size()] = static_cast<char>(random());
-    const auto frame = decode_fits(octets_of(changed));
+    const auto frame = decode_fits(as_octets(changed));
     if (frame) {
       EXPECT_FALSE(refuse_size(frame->pixels.width(), frame->pixels.height()));
     } else {

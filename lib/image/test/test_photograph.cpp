@@ -14,7 +14,9 @@
 #include <tiffio.h>
 
 #include "base/file.hpp"
+#include "base/text.hpp"
 #include "image/file/frame_file.hpp"
+#include "image/test/ramp.hpp"
 #include "tests/temporary_folder.hpp"
 
 namespace srfs::image {
@@ -22,15 +24,6 @@ namespace {
 
 using testing::ElementsAre;
 using testing::HasSubstr;
-
-/// A ramp: value 7 x + 100 y.
-Plane ramp(int width = 12, int height = 9) {
-  Plane plane(width, height);
-  for (int y = 0; y < height; ++y) {
-    for (int x = 0; x < width; ++x) plane.at(x, y) = static_cast<float>(7 * x + 100 * y);
-  }
-  return plane;
-}
 
 Result<Frame, Refusal> read_photograph(const std::string& path) {
   return read_frame(path, decode_photograph);
@@ -41,24 +34,12 @@ class Photograph : public testing::Test {
   [[nodiscard]] std::string path(const char* name) const { return (folder_.path() / name).string(); }
 
   [[nodiscard]] std::string refusal(const std::string& content) const {
-    const auto frame =
-        decode_photograph(OctetView(reinterpret_cast<const std::uint8_t*>(content.data()), content.size()));
+    const auto frame = decode_photograph(as_octets(content));
     return frame ? "" : frame.error().reason;
   }
 
   testing_support::TemporaryFolder folder_;
 };
-
-void expect_ramp(const Result<Frame, Refusal>& frame, float tolerance = 0) {
-  ASSERT_TRUE(frame) << frame.error().reason;
-  const Plane expected = ramp();
-  ASSERT_EQ(frame->pixels.width(), expected.width());
-  ASSERT_EQ(frame->pixels.height(), expected.height());
-  for (int y = 0; y < expected.height(); ++y) {
-    for (int x = 0; x < expected.width(); ++x)
-      EXPECT_NEAR(frame->pixels.at(x, y), expected.at(x, y), tolerance);
-  }
-}
 
 void write_tiff(const std::string& path, int bits, bool tiled) {
   TIFF* tiff = TIFFOpen(path.c_str(), "w");
@@ -164,8 +145,7 @@ std::string big_endian(const std::vector<T>& values) {
 }
 
 Frame decoded(const std::string& content) {
-  auto frame =
-      decode_photograph(OctetView(reinterpret_cast<const std::uint8_t*>(content.data()), content.size()));
+  auto frame = decode_photograph(as_octets(content));
   EXPECT_TRUE(frame) << frame.error().reason;
   return frame ? *std::move(frame) : Frame{};
 }
