@@ -7,6 +7,7 @@
 #include <utility>
 
 #include "wire/can_bits.hpp"
+#include "wire/can_data_frame.hpp"
 
 namespace srfs::sim {
 namespace {
@@ -15,6 +16,10 @@ namespace {
 constexpr unsigned error_frame_bits = 12 + 8 + 3;
 
 constexpr BusClient babbler = 0;  // no client's number
+
+std::uint32_t arbitration_of(const BusFrame& frame) {
+  return wire::arbitration_value(frame.id, frame.extended, frame.remote);
+}
 
 bool is_valid(const BusFrame& frame) {
   return frame.size <= 8 && frame.id < (frame.extended ? 1U << 29U : 1U << 11U);
@@ -28,13 +33,6 @@ unsigned bits_on_wire(const BusFrame& frame) {
                                  .remote = frame.remote,
                                  .size = frame.size,
                                  .data = frame.data});
-}
-
-std::uint32_t arbitration_key(const BusFrame& frame) {
-  const std::uint32_t rtr = frame.remote ? 1 : 0;
-  // Base identifier, then RTR or SRR, then IDE, then (extended) the 18 low bits and RTR: 32 bits.
-  if (!frame.extended) return frame.id << 21U | rtr << 20U;
-  return (frame.id >> 18U) << 21U | 1U << 20U | 1U << 19U | (frame.id & 0x3FFFFU) << 1U | rtr;
 }
 
 BusArbiter::BusArbiter(std::uint32_t bit_rate, std::size_t queue_capacity, std::uint64_t seed)
@@ -259,7 +257,7 @@ nanoseconds BusArbiter::time_on_wire(const BusFrame& frame) const {
 
 void BusArbiter::start_next(MonotonicTime earliest) {
   auto winner = queues_.end();
-  const auto rank = [](const Waiting& w) { return std::pair(arbitration_key(w.frame), w.order); };
+  const auto rank = [](const Waiting& w) { return std::pair(arbitration_of(w.frame), w.order); };
   for (auto candidate = queues_.begin(); candidate != queues_.end(); ++candidate) {
     if (candidate->second.empty()) continue;
     if (winner == queues_.end() || rank(candidate->second.front()) < rank(winner->second.front()))
@@ -269,7 +267,7 @@ void BusArbiter::start_next(MonotonicTime earliest) {
   Waiting waiting;
   const bool babbles = babble_ && babble_at_ <= earliest;
   if (winner != queues_.end() &&
-      !(babbles && arbitration_key(babble_->frame) < arbitration_key(winner->second.front().frame))) {
+      !(babbles && arbitration_of(babble_->frame) < arbitration_of(winner->second.front().frame))) {
     client = winner->first;
     waiting = winner->second.front();
     winner->second.pop_front();

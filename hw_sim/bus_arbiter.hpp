@@ -31,8 +31,6 @@ struct BusFrame {
 
 /// wire::can_bits_on_wire of it.
 [[nodiscard]] unsigned bits_on_wire(const BusFrame& frame);
-/// The bits that decide arbitration, first bit highest; the lower value wins.
-[[nodiscard]] std::uint32_t arbitration_key(const BusFrame& frame);
 
 /// Faults of the bus, all off by default. Probabilities 0-1 are drawn per frame from a seeded generator.
 struct BusFaults {

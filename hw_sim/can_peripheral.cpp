@@ -9,17 +9,8 @@
 namespace srfs::sim {
 namespace {
 
-wire::IsoTpSettings peripheral_transport() {
-  wire::IsoTpSettings settings;
-  // A small controller is patient: it waits the standard's time for the bus, not the computer's shorter one.
-  settings.n_as = milliseconds(100);
-  settings.n_bs = milliseconds(100);
-  settings.n_cr = milliseconds(100);
-  return settings;
-}
-
-wire::IsoTpFrame without_meta(const hw::CanFrame& frame) {
-  return {frame.id, frame.size, frame.data};
+wire::CanDataFrame without_meta(const hw::CanFrame& frame) {
+  return {.id = frame.id, .extended = frame.extended, .size = frame.size, .data = frame.data};
 }
 
 /// The transport's time-outs are in running time, too; it knows one clock only.
@@ -30,13 +21,14 @@ MonotonicTime transport(RunningTime t) {
 }  // namespace
 
 CanPeripheral::CanPeripheral(EventLoop& loop, std::string name, std::uint8_t address,
-                             std::unique_ptr<hw::CanBus> bus, Peripheral& peripheral)
+                             std::unique_ptr<hw::CanBus> bus, std::unique_ptr<PeripheralChannel> channel,
+                             Peripheral& peripheral)
     : loop_(loop),
       name_(std::move(name)),
       address_(address),
       bus_(std::move(bus)),
       peripheral_(peripheral),
-      channel_({.target = computer_address, .source = address}, peripheral_transport()),
+      channel_(std::move(channel)),
       timer_(loop.add_timer([this](MonotonicTime) { service(loop_.running_now()); })),
       random_(address) {
   loop_.watch(bus_->fd(), EPOLLIN, [this](std::uint32_t, MonotonicTime) { service(loop_.running_now()); });
@@ -50,38 +42,35 @@ CanPeripheral::~CanPeripheral() {
 
 void CanPeripheral::receive(RunningTime now) {
   while (const auto frame = bus_->receive()) {
-    if (!frame->extended) continue;
     if (frame->is_echo) {
-      channel_.on_transmit_confirm(without_meta(*frame), transport(now));
+      channel_->on_transmit_confirm(without_meta(*frame), transport(now));
     } else if (peripheral_.listening(now)) {
-      channel_.on_frame(without_meta(*frame), transport(now));
+      channel_->on_frame(without_meta(*frame), transport(now));
     }
   }
-  for (; channel_.messages_waiting() > 0; channel_.pop_message())
-    peripheral_.on_request(channel_.front_message(), now);
+  while (const auto request = channel_->take_request()) peripheral_.on_request(*request, now);
 }
 
 void CanPeripheral::transmit(RunningTime now) {
   while (auto answer = peripheral_.poll(now)) answers_.push_back(std::move(*answer));
   if (!peripheral_.listening(now)) {
-    channel_.abort();
+    channel_->abort();
     answers_.clear();
     return;
   }
   // A new answer means that the computer has given up waiting for the one before. To go on waiting for its
   // flow control would make every later answer late as well.
   while (answers_.size() > 1) answers_.pop_front();
-  if (!answers_.empty() && channel_.sending()) channel_.abort();
-  if (!answers_.empty() && !channel_.sending() && channel_.send(answers_.front(), transport(now)))
+  if (!answers_.empty() && channel_->sending()) channel_->abort();
+  if (!answers_.empty() && !channel_->sending() && channel_->send(answers_.front(), transport(now)))
     answers_.pop_front();
-  while (const auto frame = channel_.poll(transport(now))) {
-    if (!bus_->send({.id = frame->id, .extended = true, .size = frame->size, .data = frame->data})) {
-      channel_.on_transmit_refused(transport(now));
+  while (const auto frame = channel_->poll(transport(now))) {
+    if (!bus_->send(
+            {.id = frame->id, .extended = frame->extended, .size = frame->size, .data = frame->data})) {
+      channel_->on_transmit_refused(transport(now));
       break;
     }
   }
-  std::ignore = channel_.take_send_result();
-  std::ignore = channel_.take_receive_error();
 }
 
 void CanPeripheral::babble(RunningTime now) {
@@ -89,8 +78,9 @@ void CanPeripheral::babble(RunningTime now) {
   if (peripheral_.fault() != PeripheralFault::babble || !peripheral_.listening(now) || now < next_babble_)
     return;
   // It looks like unsolicited answers: single frames on its own identifier with random content.
+  const wire::CanIdentifierPair own = channel_->identifiers().front();
   while (bus_->unconfirmed() < frames_waiting) {
-    hw::CanFrame frame{.id = channel_.transmit_id(), .extended = true, .size = 8};
+    hw::CanFrame frame{.id = own.answer, .extended = own.extended, .size = 8};
     frame.data[0] = 0x07;
     for (std::size_t i = 1; i < frame.data.size(); ++i)
       frame.data[i] = static_cast<std::uint8_t>(random_() >> 8U);
@@ -106,7 +96,7 @@ void CanPeripheral::set_timer(RunningTime now) {
   const auto also = [&next](std::optional<RunningTime> at) {
     if (at && (!next || *at < *next)) next = at;
   };
-  if (const auto at = channel_.next_deadline()) also(RunningTime(at->since_epoch()));
+  if (const auto at = channel_->next_deadline()) also(RunningTime(at->since_epoch()));
   also(peripheral_.next_deadline());
   if (peripheral_.fault() == PeripheralFault::babble && peripheral_.powered()) also(next_babble_);
   // Whatever is due and could not be done (a full bus) is tried again soon, not at once.

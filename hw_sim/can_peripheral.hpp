@@ -11,19 +11,19 @@
 #include "hw/can_bus.hpp"
 #include "hw_sim/event_loop.hpp"
 #include "hw_sim/peripheral.hpp"
+#include "hw_sim/peripheral_channel.hpp"
 #include "hw_sim/running_clock.hpp"
-#include "wire/isotp.hpp"
 
 namespace srfs::sim {
 
-/// Puts one Peripheral on a CAN bus: its own handle of the bus and an ISO-TP channel to the computer,
-/// all in running time. Thin adapter.
+/// Puts one Peripheral on a CAN bus: its own handle of the bus and its channel to the computer, all in
+/// running time. Thin adapter.
 class CanPeripheral {
  public:
   static constexpr std::uint8_t computer_address = 0x01;
 
   CanPeripheral(EventLoop& loop, std::string name, std::uint8_t address, std::unique_ptr<hw::CanBus> bus,
-                Peripheral& peripheral);
+                std::unique_ptr<PeripheralChannel> channel, Peripheral& peripheral);
   ~CanPeripheral();
   CanPeripheral(const CanPeripheral&) = delete;
   CanPeripheral& operator=(const CanPeripheral&) = delete;
@@ -33,7 +33,7 @@ class CanPeripheral {
   [[nodiscard]] const std::string& name() const { return name_; }
   [[nodiscard]] std::uint8_t address() const { return address_; }
   [[nodiscard]] Peripheral& peripheral() { return peripheral_; }
-  [[nodiscard]] const wire::IsoTpCounters& transport_counters() const { return channel_.counters(); }
+  [[nodiscard]] PeripheralChannel::Counters channel_counters() const { return channel_->counters(); }
   [[nodiscard]] std::uint64_t babbled() const { return babbled_; }
 
  private:
@@ -47,7 +47,7 @@ class CanPeripheral {
   std::uint8_t address_;
   std::unique_ptr<hw::CanBus> bus_;
   Peripheral& peripheral_;
-  wire::IsoTpChannel channel_;
+  std::unique_ptr<PeripheralChannel> channel_;
   EventLoop::Timer timer_;
   std::deque<Octets> answers_;  // at most one more than the channel sends; the peripheral bounds its own
   RunningTime next_babble_;

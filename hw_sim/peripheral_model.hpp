@@ -11,6 +11,7 @@
 
 #include "base/octets.hpp"
 #include "base/time.hpp"
+#include "hw_sim/frame_peripheral_channel.hpp"
 #include "wire/peripheral_protocol.hpp"
 
 namespace srfs::sim {
@@ -33,6 +34,11 @@ class PeripheralModel {
   virtual void restart() {}
   /// Power comes or goes. Without power nothing is kept.
   virtual void set_power(bool /*on*/) {}
+  /// The frames of its protocol; none: that of docs/reference/icd_can.md.
+  /// @param address  its CAN address in the deployment
+  [[nodiscard]] virtual std::unique_ptr<PeripheralFrames> make_frames(std::uint8_t /*address*/) const {
+    return nullptr;
+  }
   /// A fault of this peripheral alone, as the control socket names it; "none" ends it.
   /// @return false: it has no such fault
   [[nodiscard]] virtual bool set_fault(std::string_view name) { return name == "none"; }

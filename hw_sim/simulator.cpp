@@ -12,6 +12,8 @@
 #include "base/log.hpp"
 #include "base/text.hpp"
 #include "hw/open.hpp"
+#include "hw_sim/frame_peripheral_channel.hpp"
+#include "hw_sim/isotp_peripheral_channel.hpp"
 
 namespace srfs::sim {
 namespace {
@@ -95,9 +97,15 @@ void only_keys(const nlohmann::json& section, std::initializer_list<const char*>
   }
 }
 
+std::unique_ptr<PeripheralChannel> channel_of(const PeripheralModel& model, std::uint8_t address) {
+  if (auto frames = model.make_frames(address))
+    return std::make_unique<FramePeripheralChannel>(std::move(frames));
+  return std::make_unique<IsoTpPeripheralChannel>(address);
+}
+
 nlohmann::json counters_of(const Peripheral& peripheral, const CanPeripheral& on_bus) {
   const PeripheralCounters& c = peripheral.counters();
-  const wire::IsoTpCounters& t = on_bus.transport_counters();
+  const PeripheralChannel::Counters t = on_bus.channel_counters();
   return {{"powered", peripheral.powered()},
           {"fault", to_string(peripheral.fault())},
           {"requests", c.requests},
@@ -112,7 +120,7 @@ nlohmann::json counters_of(const Peripheral& peripheral, const CanPeripheral& on
           {"babbled", on_bus.babbled()},
           {"frames_sent", t.frames_sent},
           {"frames_received", t.frames_received},
-          {"transport_timeouts", t.timeouts_as + t.timeouts_bs + t.timeouts_cr}};
+          {"transport_timeouts", t.timeouts}};
 }
 
 nlohmann::json counters_of(const CanHub& hub) {
@@ -255,10 +263,14 @@ Result<void, std::string> Simulator::open_can(const SimulationSettings& settings
   }
   for (Station& station : stations_) {
     const std::uint8_t address = station.place.can_address;
-    auto bus = hw::open_can(settings.devices.can, var, {hw::isotp_to(address)});
+    std::unique_ptr<PeripheralChannel> channel = channel_of(*station.model, address);
+    std::vector<hw::CanFilter> filters;
+    for (const wire::CanIdentifierPair& pair : channel->identifiers())
+      filters.push_back(hw::exactly(pair.request, pair.answer, pair.extended));
+    auto bus = hw::open_can(settings.devices.can, var, std::move(filters));
     if (!bus) return Err(bus.error().message);
-    station.on_bus =
-        std::make_unique<CanPeripheral>(loop_, station.name, address, std::move(*bus), *station.peripheral);
+    station.on_bus = std::make_unique<CanPeripheral>(loop_, station.name, address, std::move(*bus),
+                                                     std::move(channel), *station.peripheral);
   }
   return {};
 }

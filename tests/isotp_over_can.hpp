@@ -8,7 +8,7 @@
 
 namespace srfs::testing_support {
 
-[[nodiscard]] inline wire::IsoTpFrame to_isotp(const hw::CanFrame& frame) {
+[[nodiscard]] inline wire::CanDataFrame to_isotp(const hw::CanFrame& frame) {
   return {.id = frame.id, .size = frame.size, .data = frame.data};
 }
 

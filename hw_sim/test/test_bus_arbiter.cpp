@@ -69,15 +69,6 @@ TEST(Arbitration, LetsTheLowerIdentifierPass) {
   EXPECT_EQ(order[1].start, order[0].end);
 }
 
-TEST(Arbitration, LetsAStandardFramePassBeforeAnExtendedOneWithTheSameBase) {
-  EXPECT_LT(arbitration_key({.id = 0x123, .extended = false}),
-            arbitration_key({.id = 0x123U << 18, .extended = true}));
-  EXPECT_LT(arbitration_key({.id = 0x123, .extended = false}),
-            arbitration_key({.id = 0x123, .extended = false, .remote = true}));
-  EXPECT_LT(arbitration_key({.id = 0x122U << 18, .extended = true}),
-            arbitration_key({.id = 0x123, .extended = false}));
-}
-
 TEST(Arbitration, KeepsTheOrderWithinAClient) {
   BusArbiter bus;
   const auto a = bus.add_client();

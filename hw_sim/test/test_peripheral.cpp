@@ -8,6 +8,8 @@
 
 #include "hw/fake/fake_can_bus.hpp"
 #include "hw_sim/can_peripheral.hpp"
+#include "hw_sim/frame_peripheral_channel.hpp"
+#include "hw_sim/isotp_peripheral_channel.hpp"
 
 namespace srfs::sim {
 namespace {
@@ -172,7 +174,8 @@ TEST_F(PeripheralTest, AnswersANewRequestAtOnceThoughNobodyTookTheAnswerBefore) 
   EventLoop loop;
   auto bus = std::make_unique<hw::FakeCanBus>();
   hw::FakeCanBus& wire = *bus;
-  CanPeripheral on_bus(loop, "eps", 0x12, std::move(bus), peripheral);
+  CanPeripheral on_bus(loop, "eps", 0x12, std::move(bus), std::make_unique<IsoTpPeripheralChannel>(0x12),
+                       peripheral);
   const auto request_and_answer = [&](std::uint8_t sequence) {
     const Octets message = wire::encode(wire::PeripheralRequest{sequence, wire::WakeUpRequest{}});
     hw::CanFrame frame{

@@ -36,11 +36,11 @@ using std::filesystem::path;
                                                              seconds timeout);
 [[nodiscard]] std::unique_ptr<Watchdog> make_sim_watchdog(const std::string& uri, const path& socket);
 
-/// true if @p id passes one of @p filters, or there are none.
-[[nodiscard]] inline bool passes(std::uint32_t id, const std::vector<CanFilter>& filters) {
+/// true if @p id of that kind passes one of @p filters, or there are none.
+[[nodiscard]] inline bool passes(std::uint32_t id, bool extended, const std::vector<CanFilter>& filters) {
   if (filters.empty()) return true;
   for (const CanFilter& filter : filters) {
-    if ((id & filter.mask) == (filter.match & filter.mask)) return true;
+    if (extended == filter.extended && (id & filter.mask) == (filter.match & filter.mask)) return true;
   }
   return false;
 }

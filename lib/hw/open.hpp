@@ -29,9 +29,10 @@
 /// opening a device file takes.
 namespace srfs::hw {
 
-/// What a CAN process wants to hear: extended data frames with (id & mask) == (match & mask). The echoes of
-/// its own frames have to be named too, because the kernel filters them like any other frame.
+/// What a CAN process wants to hear: data frames with (id & mask) == (match & mask). The echoes of its own
+/// frames have to be named too, because the kernel filters them like any other frame.
 struct CanFilter {
+  bool extended = true;  ///< identifiers of 29 bits, else of 11; both kinds of frames
   std::uint32_t match = 0;
   std::uint32_t mask = 0;
   std::uint32_t echo_match = 0;
@@ -39,7 +40,8 @@ struct CanFilter {
 };
 /// Physical ISO-TP frames to @p own_address, 0x18DA<own>xx, and echoes of the frames from it, 0x18DAxx<own>.
 [[nodiscard]] constexpr CanFilter isotp_to(std::uint8_t own_address) {
-  return {.match = 0x18DA0000U | std::uint32_t{own_address} << 8U,
+  return {.extended = true,
+          .match = 0x18DA0000U | std::uint32_t{own_address} << 8U,
           .mask = 0x1FFFFF00U,
           .echo_match = 0x18DA0000U | own_address,
           .echo_mask = 0x1FFF00FFU};
@@ -51,6 +53,11 @@ struct CanFilter {
   filter.echo_match |= std::uint32_t{peer} << 8U;
   filter.mask = filter.echo_mask = 0x1FFFFFFFU;
   return filter;
+}
+/// The frames with @p heard, and the echoes of those with @p sent.
+[[nodiscard]] constexpr CanFilter exactly(std::uint32_t heard, std::uint32_t sent, bool extended) {
+  const std::uint32_t whole = extended ? 0x1FFFFFFFU : 0x7FFU;
+  return {.extended = extended, .match = heard, .mask = whole, .echo_match = sent, .echo_mask = whole};
 }
 
 /// "socketcan:can0" (a network interface) or "sim:run/can_hub.sock" (the hub of hw_sim).

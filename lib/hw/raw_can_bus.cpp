@@ -97,7 +97,7 @@ std::optional<CanFrame> RawCanBus::accept(const can_frame& raw, bool is_echo, Mo
     return frame;
   }
   // A kernel's echo filters also let the same identifiers of others pass.
-  if (!filters_.empty() && !(extended && passes(frame.id, filters_))) return std::nullopt;
+  if (!passes(frame.id, extended, filters_)) return std::nullopt;
   ++counters_.received;
   return frame;
 }

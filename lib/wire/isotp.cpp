@@ -173,14 +173,14 @@ bool IsoTpChannel::room_for_message_frame() const {
   return !last_handed_out_ && flying(FrameKind::message_frame) < most;
 }
 
-IsoTpFrame IsoTpChannel::padded() const {
-  IsoTpFrame frame{.id = transmit_id_, .size = 8};
+CanDataFrame IsoTpChannel::padded() const {
+  CanDataFrame frame{.id = transmit_id_, .size = 8};
   frame.data.fill(settings_.padding);
   return frame;
 }
 
-IsoTpFrame IsoTpChannel::next_message_frame() {
-  IsoTpFrame frame = padded();
+CanDataFrame IsoTpChannel::next_message_frame() {
+  CanDataFrame frame = padded();
   std::size_t header = 1;
   std::size_t room = single_frame_room;
   if (send_state_ == SendState::consecutive) {
@@ -242,7 +242,7 @@ void IsoTpChannel::forget_message_frames() {
   }
 }
 
-IsoTpFrame IsoTpChannel::hand_out(const IsoTpFrame& frame, FrameKind kind) {
+CanDataFrame IsoTpChannel::hand_out(const CanDataFrame& frame, FrameKind kind) {
   assert(in_flight_ < flying_.size());
   if (in_flight_ == 0) confirm_deadline_ = now_ + settings_.n_as;
   flying_[in_flight_++] = {.frame = frame, .kind = kind};
@@ -250,7 +250,7 @@ IsoTpFrame IsoTpChannel::hand_out(const IsoTpFrame& frame, FrameKind kind) {
   return frame;
 }
 
-std::optional<IsoTpFrame> IsoTpChannel::poll(MonotonicTime now) {
+std::optional<CanDataFrame> IsoTpChannel::poll(MonotonicTime now) {
   advance(now);
   if (hand_out_again_) {
     if (now < *hand_out_again_) return std::nullopt;
@@ -273,7 +273,7 @@ void IsoTpChannel::on_transmit_refused(MonotonicTime now) {
   expire();
 }
 
-void IsoTpChannel::on_transmit_confirm(const IsoTpFrame& frame, MonotonicTime now) {
+void IsoTpChannel::on_transmit_confirm(const CanDataFrame& frame, MonotonicTime now) {
   if (frame.id != transmit_id_) return;
   advance(now);
   const std::size_t handed_out = in_flight_ - (hand_out_again_ ? 1 : 0);
@@ -295,7 +295,7 @@ void IsoTpChannel::frame_left(std::size_t index) {
 
 // --- receiving
 
-void IsoTpChannel::on_frame(const IsoTpFrame& frame, MonotonicTime now) {
+void IsoTpChannel::on_frame(const CanDataFrame& frame, MonotonicTime now) {
   if (frame.id != receive_id_) return;
   advance(now);
   ++counters_.frames_received;
@@ -399,11 +399,11 @@ void IsoTpChannel::decide_flow_control() {
   }
 }
 
-IsoTpFrame IsoTpChannel::next_flow_control_frame() {
+CanDataFrame IsoTpChannel::next_flow_control_frame() {
   const std::uint8_t status = *std::exchange(flow_status_, std::nullopt);
   if (status == continue_to_send) receive_state_ = ReceiveState::clear_to_send_flies;
   if (status == wait) receive_state_ = ReceiveState::wait_flies;
-  IsoTpFrame frame = padded();
+  CanDataFrame frame = padded();
   frame.data[0] = static_cast<std::uint8_t>(flow_control << 4U | status);
   frame.data[1] = settings_.block_size;
   frame.data[2] = separation_code(settings_.separation);

@@ -11,6 +11,7 @@
 #include "base/octets.hpp"
 #include "base/result.hpp"
 #include "base/time.hpp"
+#include "wire/can_data_frame.hpp"
 
 namespace srfs::wire {
 
@@ -42,16 +43,6 @@ struct IsoTpAddress {
 [[nodiscard]] microseconds separation_time(std::uint8_t code);
 /// The code of the shortest representable time that is not below @p time; above 127 ms it is 127 ms.
 [[nodiscard]] std::uint8_t separation_code(microseconds time);
-
-/// One classic CAN data frame with a 29-bit identifier. Sent frames are always padded to eight octets.
-struct IsoTpFrame {
-  std::uint32_t id = 0;
-  std::uint8_t size = 0;  ///< 0-8
-  std::array<std::uint8_t, 8> data{};
-
-  [[nodiscard]] OctetView view() const { return {data.data(), size}; }
-  friend bool operator==(const IsoTpFrame&, const IsoTpFrame&) = default;
-};
 
 /// Timing and flow control of one channel. The standard's own limit is 1000 ms for each time-out; these
 /// defaults are shorter, so that a silent peer is noticed within a bus slot.
@@ -136,14 +127,14 @@ class IsoTpChannel {
 
   /// A frame from the bus. Frames with another identifier are ignored, uncounted: they belong to other
   /// channels.
-  void on_frame(const IsoTpFrame& frame, MonotonicTime now);
+  void on_frame(const CanDataFrame& frame, MonotonicTime now);
   /// The echo of an own frame: it has left on the bus.
-  void on_transmit_confirm(const IsoTpFrame& frame, MonotonicTime now);
+  void on_transmit_confirm(const CanDataFrame& frame, MonotonicTime now);
   /// The driver refused the frame that poll() gave last (queue full): poll() gives it again 1 ms later or
   /// after the next confirmation, within N_As, and none before it.
   void on_transmit_refused(MonotonicTime now);
   /// Runs the time-outs, then gives the next frame to put on the bus, if one is due. Flow control goes first.
-  [[nodiscard]] std::optional<IsoTpFrame> poll(MonotonicTime now);
+  [[nodiscard]] std::optional<CanDataFrame> poll(MonotonicTime now);
   /// When poll() has to be called at the latest; not after the last `now` when a frame is due already.
   /// nullopt: idle.
   [[nodiscard]] std::optional<MonotonicTime> next_deadline() const;
@@ -175,7 +166,7 @@ class IsoTpChannel {
   };
   enum class FrameKind : std::uint8_t { message_frame, flow_control };
   struct Flying {
-    IsoTpFrame frame;
+    CanDataFrame frame;
     FrameKind kind = FrameKind::message_frame;
   };
   struct Message {
@@ -199,11 +190,11 @@ class IsoTpChannel {
   [[nodiscard]] std::size_t flying(FrameKind kind) const;
   void forget_message_frames();
   void drop_flying(std::size_t index);
-  IsoTpFrame hand_out(const IsoTpFrame& frame, FrameKind kind);
+  CanDataFrame hand_out(const CanDataFrame& frame, FrameKind kind);
   [[nodiscard]] bool room_for_message_frame() const;
-  [[nodiscard]] IsoTpFrame next_message_frame();
-  [[nodiscard]] IsoTpFrame next_flow_control_frame();
-  [[nodiscard]] IsoTpFrame padded() const;
+  [[nodiscard]] CanDataFrame next_message_frame();
+  [[nodiscard]] CanDataFrame next_flow_control_frame();
+  [[nodiscard]] CanDataFrame padded() const;
   [[nodiscard]] Message& tail();
   void complete_reception();
   void decide_flow_control();

@@ -7,6 +7,7 @@
 
 #include "base/time.hpp"
 #include "hw/can_bus.hpp"
+#include "wire/can_data_frame.hpp"
 
 namespace srfs {
 
@@ -21,7 +22,7 @@ class TransmitDrain {
   /// From the computer to itself, without data, behind every frame of a payload in arbitration
   /// (docs/reference/icd_can.md).
   static constexpr hw::CanFrame marker{
-      .id = 0x1CDA0101, .extended = true, .size = 0, .data = {}, .timestamp = {}};
+      .id = wire::transmit_marker_id, .extended = true, .size = 0, .data = {}, .timestamp = {}};
   static constexpr nanoseconds patience = milliseconds(25);  ///< for the echo: N_As of ISO-TP
   static constexpr nanoseconds retry = milliseconds(500);    ///< where frames cannot be taken back
   static constexpr nanoseconds period = milliseconds(1);     ///< of step()

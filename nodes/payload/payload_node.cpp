@@ -36,12 +36,13 @@ std::uint64_t as_ns(MonotonicTime t) {
 MonotonicTime from_ns(std::uint64_t ns) {
   return MonotonicTime(nanoseconds(static_cast<std::int64_t>(ns)));
 }
-wire::IsoTpFrame to_isotp(const hw::CanFrame& frame) {
-  return {.id = frame.id, .size = frame.size, .data = frame.data};
+wire::CanDataFrame without_meta(const hw::CanFrame& frame) {
+  return {.id = frame.id, .extended = frame.extended, .size = frame.size, .data = frame.data};
 }
-hw::CanFrame to_can(const wire::IsoTpFrame& frame) {
+hw::CanFrame to_can(const wire::CanDataFrame& frame) {
   hw::CanFrame can;
   can.id = frame.id;
+  can.extended = frame.extended;
   can.size = frame.size;
   can.data = frame.data;
   return can;
@@ -146,8 +147,18 @@ bool PayloadNode::open_devices() {
     return false;
   }
   peripheral_ = *place;
-  auto can = hw::open_can(device("can"), var().root,
-                          {hw::isotp_between(PeripheralLink::computer_address, peripheral_.can_address)});
+  link_ = profile_->make_link(peripheral_.can_address);
+  std::vector<hw::CanFilter> filters;
+  for (const wire::CanIdentifierPair& pair : link_->identifiers()) {
+    if (!wire::comes_before_marker(pair.request, pair.extended)) {
+      set_failure_reason(fmt::format(
+          "the identifier {:#x} of a request has no higher priority than the marker {:#x} of can_switcher",
+          pair.request, wire::transmit_marker_id));
+      return false;
+    }
+    filters.push_back(hw::exactly(pair.answer, pair.request, pair.extended));
+  }
+  auto can = hw::open_can(device("can"), var().root, std::move(filters));
   auto gpio = hw::open_gpio(device("gpio"), var().root);
   if (!can || !gpio) {
     set_failure_reason(!can ? can.error().message : gpio.error().message);
@@ -164,7 +175,6 @@ void PayloadNode::restore() {
   (void)suite::read_state_file(
       var(), name(), "processing", 65536, suite::TakenBack::yes,
       [this](const std::string& content) { return profile_->restore_state(as_octets(content)); });
-  link_.emplace(peripheral_.can_address);
   cycle_.emplace(
       settings(),
       [profile = profile_.get()](std::uint16_t function, OctetView arguments) {
@@ -359,16 +369,15 @@ void PayloadNode::on_can_input() {
 }
 
 void PayloadNode::on_can_frame(const hw::CanFrame& frame) {
-  if (!frame.extended) return;
   const MonotonicTime t = monotonic_now();
   bits_ += bits_of(frame);
   if (frame.is_echo) {
-    link_->on_transmit_confirm(to_isotp(frame), t);
+    link_->on_transmit_confirm(without_meta(frame), t);
     return;
   }
   if (cycle_->holds_bus()) {
     ++frames_received_;
-    link_->on_frame(to_isotp(frame), t);
+    link_->on_frame(without_meta(frame), t);
   } else {
     ++frames_outside_slot_;
   }
@@ -531,7 +540,7 @@ void PayloadNode::publish_structure(std::uint16_t structure_id, Octets data, Mis
 void PayloadNode::publish_counters() {
   const PayloadCycle::Counters& cycle = cycle_->counters();
   const TelecommandJournal::Counters& journal = cycle_->journal().counters();
-  const wire::IsoTpCounters& transport = link_->transport();
+  const PeripheralLink::Counters link = link_->counters();
   const hw::CanCounters& can = can_->counters();
   mission::PayloadCounters c;
   c.flags_repeated = cycle.repeated_flags;
@@ -541,11 +550,8 @@ void PayloadNode::publish_counters() {
   c.grants_lost = cycle.lost_grants;
   c.answers_unexpected = cycle.unexpected_answers;
   c.answers_garbage = cycle.garbage_answers;
-  c.answers_late = link_->late_answers();
-  c.transport_errors = as_u32(transport.timeouts_as + transport.timeouts_bs + transport.timeouts_cr +
-                              transport.wrong_sequences + transport.invalid_flow_statuses +
-                              transport.unexpected_pdus + transport.malformed_pdus + transport.wait_limits +
-                              transport.peer_overflows + transport.receive_overflows);
+  c.answers_late = link.late_answers;
+  c.transport_errors = as_u32(link.transport_errors);
   c.frames_outside_slot = frames_outside_slot_;
   c.frames_stuck = cycle.stuck_frames;
   c.bus_errors = as_u32(can.bus_errors);

@@ -108,7 +108,7 @@ class PayloadNode : public suite::Node {
   std::shared_ptr<ros::Subscription<srfs_msgs::msg::TimeTick>> ticks_;
 
   std::optional<PayloadCycle> cycle_;
-  std::optional<PeripheralLink> link_;
+  std::unique_ptr<PeripheralLink> link_;
   suite::MissionTime time_;
   ActionQueue<PayloadAction> actions_;
   ros::Timer timer_;

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <cstdint>
+#include <memory>
 #include <optional>
 #include <string>
 #include <vector>
@@ -13,6 +14,7 @@
 #include "base/result.hpp"
 #include "base/time.hpp"
 #include "msgs/mission/encoded_event.hpp"
+#include "nodes/payload/isotp_peripheral_link.hpp"
 #include "nodes/payload/payload_cycle.hpp"
 #include "suite/commanding/command_set.hpp"
 
@@ -54,6 +56,12 @@ class PayloadProfile {
   [[nodiscard]] virtual EncodedStructure counters(MissionCycle cycle,
                                                   const mission::PayloadCounters& counters,
                                                   const mission::SensorInputs& inputs) const = 0;
+
+  /// How its peripheral is asked; by default the protocol of docs/reference/icd_can.md. For another one: a
+  /// FramePeripheralLink.
+  [[nodiscard]] virtual std::unique_ptr<PeripheralLink> make_link(std::uint8_t can_address) const {
+    return std::make_unique<IsoTpPeripheralLink>(can_address);
+  }
 
   /// What a telecommand asks for, every argument checked against the dictionary. Any thread.
   [[nodiscard]] virtual Result<PayloadCommand, FailureCode> decode_command(std::uint16_t function,

@@ -5,59 +5,55 @@
 #include <cstdint>
 #include <optional>
 #include <string>
-#include <variant>
+#include <vector>
 
 #include "base/result.hpp"
 #include "base/time.hpp"
 #include "nodes/payload/payload_cycle.hpp"
-#include "wire/isotp.hpp"
+#include "wire/can_data_frame.hpp"
 #include "wire/peripheral_protocol.hpp"
 
 namespace srfs {
 
-/// The computer's end of the ISO-TP channel to one peripheral: one request at a time, its answer recognised
-/// by the sequence number. Deadlines of a request are the caller's; only the transport's own time-outs run
-/// here. Pure.
+/// The computer's end of the conversation with one peripheral: one request at a time, and its answer. How
+/// long a request may take is the caller's; only time-outs within the protocol run here. Pure.
+///
+/// Use: after every call and at next_deadline(), call poll() until it gives nothing, then take_outcome().
 class PeripheralLink {
  public:
-  static constexpr std::uint8_t computer_address = 0x01;
-
-  /// @param address  of the peripheral on the bus (docs/reference/icd_can.md)
-  explicit PeripheralLink(std::uint8_t address);
-
   struct Failure {
     RequestFailure kind = RequestFailure::silent;
     std::string detail;
   };
   using Body = decltype(SendRequest::body);
+  using Outcome = Result<wire::PeripheralResponse, Failure>;
+  struct Counters {
+    std::uint32_t late_answers = 0;      ///< to an earlier request, or to none
+    std::uint64_t transport_errors = 0;  ///< frames that did not fit, and time-outs within the protocol
+  };
+
+  virtual ~PeripheralLink() = default;
+
+  /// What it sends and hears; constant, at least one.
+  [[nodiscard]] virtual std::vector<wire::CanIdentifierPair> identifiers() const = 0;
 
   /// Starts a request; one under way is forgotten.
-  void request(const Body& body, MonotonicTime now);
+  virtual void request(const Body& body, MonotonicTime now) = 0;
   /// Forgets the request under way: nothing more is sent, a late answer is only counted.
-  void abort();
+  virtual void abort() = 0;
 
-  void on_frame(const wire::IsoTpFrame& frame, MonotonicTime now) { channel_.on_frame(frame, now); }
-  void on_transmit_confirm(const wire::IsoTpFrame& frame, MonotonicTime now) {
-    channel_.on_transmit_confirm(frame, now);
-  }
-  void on_transmit_refused(MonotonicTime now) { channel_.on_transmit_refused(now); }
-  [[nodiscard]] std::optional<wire::IsoTpFrame> poll(MonotonicTime now) { return channel_.poll(now); }
-  [[nodiscard]] std::optional<MonotonicTime> next_deadline() const { return channel_.next_deadline(); }
-
+  virtual void on_frame(const wire::CanDataFrame& frame, MonotonicTime now) = 0;
+  /// The echo of an own frame: it has left on the bus.
+  virtual void on_transmit_confirm(const wire::CanDataFrame& frame, MonotonicTime now) = 0;
+  /// The driver has no room for the frame that poll() gave last: it is given again.
+  virtual void on_transmit_refused(MonotonicTime now) = 0;
+  /// The next frame for the bus.
+  [[nodiscard]] virtual std::optional<wire::CanDataFrame> poll(MonotonicTime now) = 0;
+  [[nodiscard]] virtual std::optional<MonotonicTime> next_deadline() const = 0;
   /// The answer to the request under way, or why there will be none; once. After poll().
-  [[nodiscard]] std::optional<Result<wire::PeripheralResponse, Failure>> take_outcome();
+  [[nodiscard]] virtual std::optional<Outcome> take_outcome() = 0;
 
-  [[nodiscard]] std::uint32_t late_answers() const { return late_answers_; }
-  [[nodiscard]] const wire::IsoTpCounters& transport() const { return channel_.counters(); }
-
- private:
-  std::optional<Result<wire::PeripheralResponse, Failure>> judge(OctetView message);
-  std::optional<Result<wire::PeripheralResponse, Failure>> fail(RequestFailure kind, const char* detail);
-
-  wire::IsoTpChannel channel_;
-  std::optional<wire::PeripheralRequest> request_;
-  std::uint8_t next_sequence_ = 0;
-  std::uint32_t late_answers_ = 0;
+  [[nodiscard]] virtual Counters counters() const = 0;
 };
 
 }  // namespace srfs

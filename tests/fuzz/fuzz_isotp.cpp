@@ -33,7 +33,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* input, std::size_t siz
 
   while (reader.remaining() >= 10) {
     const std::uint8_t what = reader.u8();
-    wire::IsoTpFrame frame{.id = channel.receive_id(), .size = reader.u8()};
+    wire::CanDataFrame frame{.id = channel.receive_id(), .size = reader.u8()};
     const OctetView octets = reader.bytes(8);
     std::copy(octets.begin(), octets.end(), frame.data.begin());
     now += milliseconds(what >> 3U);

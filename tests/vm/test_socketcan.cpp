@@ -240,6 +240,21 @@ TEST(SocketCanOnVcan, NoticesWhileWritingThatTheInterfaceWentDown) {
   EXPECT_TRUE(await(*bus, [&] { return bus->send(frame(0x101)).has_value(); }));
 }
 
+TEST(SocketCanOnVcan, TellsStandardFromExtendedIdentifiers) {
+  const VirtualCan can;
+  const auto bus = open(can.name(), {exactly(0x3A1, 0x321, false)});
+  OtherStation other(can.name());
+  ASSERT_TRUE(other.write(CAN_EFF_FLAG | 0x3A1U));
+  ASSERT_TRUE(other.write(0x3A1U));
+  const auto heard = await_frame(*bus);
+  ASSERT_TRUE(heard);
+  EXPECT_FALSE(heard->extended);
+  CanFrame request = frame(0x321);
+  request.extended = false;
+  ASSERT_TRUE(bus->send(request));
+  EXPECT_TRUE(await_frame(*bus)->is_echo);
+}
+
 TEST(SocketCanOnVcan, OutlivesTheDeletionOfItsInterface) {
   VirtualCan can;
   const auto bus = open(can.name(), {isotp_to(0x01)});

@@ -23,8 +23,7 @@ namespace srfs::hw {
 namespace {
 
 constexpr int frames_per_call = 64;
-constexpr canid_t whole_kind =
-    CAN_EFF_FLAG | CAN_RTR_FLAG;  // filters say extended data frames by comparing these
+constexpr canid_t whole_kind = CAN_EFF_FLAG | CAN_RTR_FLAG;  // filters compare the kind of frame by these
 
 bool set_flag(int socket, int level, int option) {
   const int on = 1;
@@ -37,10 +36,10 @@ bool set_filters(int socket, const std::vector<CanFilter>& filters) {
   if (filters.empty()) return true;  // the socket's default: everything
   std::vector<can_filter> raw;
   for (const CanFilter& f : filters) {
-    raw.push_back({.can_id = (f.match & CAN_EFF_MASK) | CAN_EFF_FLAG,
-                   .can_mask = (f.mask & CAN_EFF_MASK) | whole_kind});
-    raw.push_back({.can_id = (f.echo_match & CAN_EFF_MASK) | CAN_EFF_FLAG,
-                   .can_mask = (f.echo_mask & CAN_EFF_MASK) | whole_kind});
+    const canid_t kind = f.extended ? CAN_EFF_FLAG : 0U;
+    const canid_t whole = f.extended ? CAN_EFF_MASK : CAN_SFF_MASK;
+    raw.push_back({.can_id = (f.match & whole) | kind, .can_mask = (f.mask & whole) | whole_kind});
+    raw.push_back({.can_id = (f.echo_match & whole) | kind, .can_mask = (f.echo_mask & whole) | whole_kind});
   }
   return ::setsockopt(socket, SOL_CAN_RAW, CAN_RAW_FILTER, raw.data(),
                       static_cast<socklen_t>(raw.size() * sizeof(can_filter))) == 0;

@@ -28,21 +28,22 @@ Octets counting(std::size_t size, unsigned first = 0) {
   return message;
 }
 
-IsoTpFrame frame_to_adcs(const char* hex) {
+CanDataFrame frame_to_adcs(const char* hex) {
   const Octets octets = *from_hex(hex);
-  IsoTpFrame frame{.id = normal_fixed_id(to_adcs), .size = static_cast<std::uint8_t>(octets.size())};
+  CanDataFrame frame{.id = normal_fixed_id(to_adcs), .size = static_cast<std::uint8_t>(octets.size())};
   std::copy(octets.begin(), octets.end(), frame.data.begin());
   return frame;
 }
 
-std::string hex(const std::optional<IsoTpFrame>& frame) {
+std::string hex(const std::optional<CanDataFrame>& frame) {
   return frame ? to_hex(frame->view()) : "none";
 }
 
 /// Two channels on one wire. Every frame takes 250 us; its sender gets the confirmation at its end.
 class Line {
  public:
-  using Fate = std::function<int(const IsoTpFrame&)>;  // number of copies that arrive; 0: lost, 2: duplicated
+  using Fate =
+      std::function<int(const CanDataFrame&)>;  // number of copies that arrive; 0: lost, 2: duplicated
 
   explicit Line(IsoTpSettings settings = {}) : Line(settings, settings) {}
   Line(IsoTpSettings at_computer, IsoTpSettings at_adcs)
@@ -65,13 +66,13 @@ class Line {
   IsoTpChannel computer;
   IsoTpChannel adcs;
   MonotonicTime now = start;
-  Fate fate = [](const IsoTpFrame&) { return 1; };
-  std::function<void(const IsoTpFrame&, MonotonicTime)> tap = [](const IsoTpFrame&, MonotonicTime) {};
+  Fate fate = [](const CanDataFrame&) { return 1; };
+  std::function<void(const CanDataFrame&, MonotonicTime)> tap = [](const CanDataFrame&, MonotonicTime) {};
   bool swap_next = false;
 
  private:
   struct Transfer {
-    IsoTpFrame frame;
+    CanDataFrame frame;
     IsoTpChannel* from;
     IsoTpChannel* to;
     MonotonicTime end;
@@ -97,7 +98,7 @@ class Line {
     for (int copies = fate(t.frame); copies > 0; --copies) arrive(*t.to, t.frame);
     t.from->on_transmit_confirm(t.frame, now);
   }
-  void arrive(IsoTpChannel& to, const IsoTpFrame& frame) {
+  void arrive(IsoTpChannel& to, const CanDataFrame& frame) {
     if (std::exchange(swap_next, false)) {
       held_ = {frame, &to};
       return;
@@ -120,7 +121,7 @@ class Line {
   }
   std::deque<Transfer> waiting_;
   std::optional<Transfer> on_wire_;
-  std::optional<std::pair<IsoTpFrame, IsoTpChannel*>> held_;
+  std::optional<std::pair<CanDataFrame, IsoTpChannel*>> held_;
 };
 
 IsoTpSettings without_confirmation() {
@@ -229,7 +230,7 @@ TEST(IsoTpSender, WaitsAsLongAsThePeerSaysSoUpToTheLimit) {
   IsoTpChannel channel(to_adcs, settings);
   ASSERT_TRUE(channel.send(counting(30), start));
   (void)channel.poll(start);
-  const IsoTpFrame wait{.id = 0x18DA0111, .size = 3, .data = {0x31, 0, 0}};
+  const CanDataFrame wait{.id = 0x18DA0111, .size = 3, .data = {0x31, 0, 0}};
 
   channel.on_frame(wait, start + milliseconds(30));
   channel.on_frame(wait, start + milliseconds(60));
@@ -263,10 +264,10 @@ TEST(IsoTpSender, GivesARefusedFrameAgainAMillisecondLater) {
   EXPECT_TRUE(channel.take_send_result().value().has_value());
 }
 
-constexpr IsoTpFrame go_on{.id = 0x18DA0111, .size = 8, .data = {0x30, 0, 0}};
+constexpr CanDataFrame go_on{.id = 0x18DA0111, .size = 8, .data = {0x30, 0, 0}};
 
 /// A sender whose first frame has received @p answer.
-IsoTpChannel sender_of(OctetView message, IsoTpSettings settings, const IsoTpFrame& answer = go_on) {
+IsoTpChannel sender_of(OctetView message, IsoTpSettings settings, const CanDataFrame& answer = go_on) {
   IsoTpChannel channel(to_adcs, settings);
   EXPECT_TRUE(channel.send(message, start));
   channel.on_transmit_confirm(channel.poll(start).value(), start);
@@ -274,8 +275,8 @@ IsoTpChannel sender_of(OctetView message, IsoTpSettings settings, const IsoTpFra
   return channel;
 }
 
-std::vector<IsoTpFrame> all_due(IsoTpChannel& channel, MonotonicTime now) {
-  std::vector<IsoTpFrame> frames;
+std::vector<CanDataFrame> all_due(IsoTpChannel& channel, MonotonicTime now) {
+  std::vector<CanDataFrame> frames;
   while (const auto frame = channel.poll(now)) frames.push_back(*frame);
   return frames;
 }
@@ -327,7 +328,7 @@ TEST(IsoTpSender, GivesUpWhenTheOldestFrameAheadIsNotConfirmedWhateverComesBehin
 }
 
 TEST(IsoTpSender, GetsNoFurtherAheadThanTheBlock) {
-  IsoTpFrame two_frames = go_on;
+  CanDataFrame two_frames = go_on;
   two_frames.data[1] = 2;
   IsoTpChannel channel = sender_of(counting(100), {}, two_frames);
   const auto block = all_due(channel, start);
@@ -343,7 +344,7 @@ TEST(IsoTpSender, GetsNoFurtherAheadThanTheBlock) {
 }
 
 TEST(IsoTpSender, TakesTheFlowControlThatOvertookTheEchoesOfABlock) {
-  IsoTpFrame three_frames = go_on;
+  CanDataFrame three_frames = go_on;
   three_frames.data[1] = 3;
   IsoTpChannel channel = sender_of(counting(100), {}, three_frames);
   ASSERT_EQ(all_due(channel, start).size(), 3U);
@@ -355,7 +356,7 @@ TEST(IsoTpSender, TakesTheFlowControlThatOvertookTheEchoesOfABlock) {
 }
 
 TEST(IsoTpSender, IsNotAheadWhereThePeerAsksForASeparationTime) {
-  IsoTpFrame apart = go_on;
+  CanDataFrame apart = go_on;
   apart.data[2] = 5;
   IsoTpChannel channel = sender_of(counting(100), {}, apart);
   const auto frame = channel.poll(start);
@@ -394,7 +395,7 @@ TEST(IsoTpSender, ForgetsARefusedFrameWithItsMessage) {
 }
 
 TEST(IsoTpSender, TakesNoFlowControlForABlockWhoseLastFrameWasRefused) {
-  IsoTpFrame two_frames = go_on;
+  CanDataFrame two_frames = go_on;
   two_frames.data[1] = 2;
   IsoTpChannel channel = sender_of(counting(100), {}, two_frames);
   (void)channel.poll(start);
@@ -605,7 +606,7 @@ TEST(TwoChannels, KeepTheReceiversBlockSize) {
   receiver.block_size = 5;
   Line line({}, receiver);
   int in_block = 0;
-  line.tap = [&](const IsoTpFrame& frame, MonotonicTime) {
+  line.tap = [&](const CanDataFrame& frame, MonotonicTime) {
     if (frame.data[0] >> 4 == 3) in_block = 0;
     if (frame.data[0] >> 4 == 2) {
       EXPECT_LE(++in_block, 5);
@@ -624,7 +625,7 @@ TEST(TwoChannels, KeepTheReceiversSeparationTime) {
     receiver.separation = separation;
     Line line({}, receiver);
     std::optional<MonotonicTime> last;
-    line.tap = [&](const IsoTpFrame& frame, MonotonicTime end) {
+    line.tap = [&](const CanDataFrame& frame, MonotonicTime end) {
       if (frame.data[0] >> 4 != 2) return;
       if (last) {
         EXPECT_EQ(end - *last, separation + microseconds(250));
@@ -650,7 +651,7 @@ TEST(TwoChannels, NeverDeliverAWrongMessageOverABadLine) {
     receiver.block_size = static_cast<std::uint8_t>(random() % 4 == 0 ? 0 : random() % 20);
     Line line({}, receiver);
     const double badness = static_cast<double>(random() % 4) * 0.02;
-    line.fate = [&](const IsoTpFrame&) {
+    line.fate = [&](const CanDataFrame&) {
       line.swap_next = chance(badness);
       if (chance(badness)) return 0;
       return chance(badness) ? 2 : 1;
@@ -676,13 +677,13 @@ TEST(TwoChannels, AreUsableAgainAfterEveryFailure) {
   std::mt19937 random(7);
   Line line;
   for (int round = 0; round < 300; ++round) {
-    line.fate = [&](const IsoTpFrame&) { return random() % 10 == 0 ? 0 : 1; };
+    line.fate = [&](const CanDataFrame&) { return random() % 10 == 0 ? 0 : 1; };
     ASSERT_TRUE(line.computer.send(counting(100), line.now));
     line.run(line.now + seconds(1));
     (void)line.computer.take_send_result();
     while (line.adcs.messages_waiting() > 0) line.adcs.pop_message();
 
-    line.fate = [](const IsoTpFrame&) { return 1; };
+    line.fate = [](const CanDataFrame&) { return 1; };
     ASSERT_TRUE(line.computer.send(counting(100, 3), line.now));
     line.run(line.now + seconds(1));
     ASSERT_TRUE(line.computer.take_send_result().value().has_value());
@@ -703,7 +704,7 @@ TEST(IsoTpChannel, SurvivesRandomFramesAndReturnsToIdle) {
     MonotonicTime now = start;
     for (int i = 0; i < 500; ++i) {
       now += microseconds(random() % 5000);
-      IsoTpFrame frame{.id = normal_fixed_id(to_adcs), .size = static_cast<std::uint8_t>(random() % 9)};
+      CanDataFrame frame{.id = normal_fixed_id(to_adcs), .size = static_cast<std::uint8_t>(random() % 9)};
       for (auto& octet : frame.data) octet = static_cast<std::uint8_t>(random());
       if (random() % 2 == 0) frame.data[0] &= 0x3F;
       if (random() % 4 == 0) (void)channel.send(counting(1 + random() % 300), now);

@@ -120,6 +120,20 @@ TEST_F(SimCan, GivesOnlyTheFramesAskedForAndItsOwnEchoes) {
   EXPECT_EQ(computer->counters().received, 1U);
 }
 
+TEST_F(SimCan, TellsStandardFromExtendedIdentifiers) {
+  const RunningHub hub(folder_.path() / "hub.sock");
+  const auto computer = connect({exactly(0x3A1, 0x321, false)});
+  const auto peripheral = connect();
+  ASSERT_TRUE(peripheral->send(frame(0x3A1)));
+  CanFrame standard = frame(0x3A1);
+  standard.extended = false;
+  ASSERT_TRUE(peripheral->send(standard));
+  const auto heard = await_frame(*computer);
+  ASSERT_TRUE(heard);
+  EXPECT_FALSE(heard->extended);
+  EXPECT_EQ(computer->counters().received, 1U);
+}
+
 TEST_F(SimCan, RefusesTheSixtyFifthUnconfirmedFrame) {
   const RunningHub hub(folder_.path() / "hub.sock", {.extra_delay = seconds(10)});
   const auto a = connect();

@@ -2,7 +2,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <gtest/gtest.h>
 
-#include "nodes/payload/peripheral_link.hpp"
+#include "nodes/payload/isotp_peripheral_link.hpp"
 
 namespace srfs {
 namespace {
@@ -11,8 +11,8 @@ constexpr std::uint8_t address = 0x11;
 
 /// A link and the peripheral's end of its channel, joined by a bus without loss.
 struct Link : ::testing::Test {
-  PeripheralLink link{address};
-  wire::IsoTpChannel peripheral{{.target = PeripheralLink::computer_address, .source = address},
+  IsoTpPeripheralLink link{address};
+  wire::IsoTpChannel peripheral{{.target = IsoTpPeripheralLink::computer_address, .source = address},
                                 {.await_confirmation = false}};
   MonotonicTime now{seconds(3)};
   std::size_t frames = 0;
@@ -40,9 +40,9 @@ struct Link : ::testing::Test {
     (void)peripheral.take_send_result();
   }
 };
-using PeripheralLinkTest = Link;
+using IsoTpPeripheralLinkTest = Link;
 
-TEST_F(PeripheralLinkTest, CarriesARequestAndItsAnswer) {
+TEST_F(IsoTpPeripheralLinkTest, CarriesARequestAndItsAnswer) {
   link.request(wire::WakeUpRequest{}, now);
   exchange();
   const wire::PeripheralRequest request = received();
@@ -54,7 +54,7 @@ TEST_F(PeripheralLinkTest, CarriesARequestAndItsAnswer) {
   EXPECT_FALSE(link.take_outcome().has_value());
 }
 
-TEST_F(PeripheralLinkTest, CountsALateAnswerAndWaitsForItsOwn) {
+TEST_F(IsoTpPeripheralLinkTest, CountsALateAnswerAndWaitsForItsOwn) {
   link.request(wire::WakeUpRequest{}, now);
   exchange();
   const wire::PeripheralRequest first = received();
@@ -64,12 +64,12 @@ TEST_F(PeripheralLinkTest, CountsALateAnswerAndWaitsForItsOwn) {
   EXPECT_NE(first.sequence, second.sequence);
   reply({first.sequence, wire::ResetResponse{}});
   EXPECT_FALSE(link.take_outcome().has_value());
-  EXPECT_EQ(link.late_answers(), 1U);
+  EXPECT_EQ(link.counters().late_answers, 1U);
   reply({second.sequence, wire::ResetResponse{}});
   EXPECT_TRUE(link.take_outcome().has_value());
 }
 
-TEST_F(PeripheralLinkTest, CallsADamagedAnswerGarbage) {
+TEST_F(IsoTpPeripheralLinkTest, CallsADamagedAnswerGarbage) {
   link.request(wire::WakeUpRequest{}, now);
   exchange();
   const wire::PeripheralRequest request = received();
@@ -82,7 +82,7 @@ TEST_F(PeripheralLinkTest, CallsADamagedAnswerGarbage) {
   EXPECT_EQ(outcome->error().kind, RequestFailure::garbage);
 }
 
-TEST_F(PeripheralLinkTest, CallsAnAnswerThatBreaksOffSilence) {
+TEST_F(IsoTpPeripheralLinkTest, CallsAnAnswerThatBreaksOffSilence) {
   link.request(wire::WakeUpRequest{}, now);
   exchange();
   const wire::PeripheralRequest request = received();
@@ -98,7 +98,7 @@ TEST_F(PeripheralLinkTest, CallsAnAnswerThatBreaksOffSilence) {
   EXPECT_EQ(outcome->error().kind, RequestFailure::silent);
 }
 
-TEST_F(PeripheralLinkTest, SaysThatARequestDidNotLeaveTheBus) {
+TEST_F(IsoTpPeripheralLinkTest, SaysThatARequestDidNotLeaveTheBus) {
   link.request(wire::WakeUpRequest{}, now);
   ASSERT_TRUE(link.poll(now).has_value());
   now += milliseconds(100);
@@ -108,7 +108,7 @@ TEST_F(PeripheralLinkTest, SaysThatARequestDidNotLeaveTheBus) {
   EXPECT_EQ(outcome->error().kind, RequestFailure::not_sent);
 }
 
-TEST_F(PeripheralLinkTest, SendsNothingMoreAfterAbort) {
+TEST_F(IsoTpPeripheralLinkTest, SendsNothingMoreAfterAbort) {
   link.request(wire::CommandRequest{7, 2, Octets(100)}, now);
   ASSERT_TRUE(link.poll(now).has_value());
   link.abort();

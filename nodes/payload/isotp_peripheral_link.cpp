@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: 2026 SRFS contributors
 // SPDX-License-Identifier: Apache-2.0
-#include "nodes/payload/peripheral_link.hpp"
+#include "nodes/payload/isotp_peripheral_link.hpp"
 
 namespace srfs {
 namespace {
@@ -26,17 +26,17 @@ RequestFailure kind_of(IsoTpError error) {
 
 }  // namespace
 
-PeripheralLink::PeripheralLink(std::uint8_t address)
+IsoTpPeripheralLink::IsoTpPeripheralLink(std::uint8_t address)
     : channel_(wire::IsoTpAddress{.target = address, .source = computer_address}, wire::IsoTpSettings{}) {}
 
-void PeripheralLink::request(const Body& body, MonotonicTime now) {
+void IsoTpPeripheralLink::request(const Body& body, MonotonicTime now) {
   abort();
   request_ = wire::PeripheralRequest{next_sequence_++, body};
   // A refusal shows as the result of the transfer; after abort() the channel is never busy.
   if (const auto sent = channel_.send(wire::encode(*request_), now); !sent) request_.reset();
 }
 
-void PeripheralLink::abort() {
+void IsoTpPeripheralLink::abort() {
   channel_.abort();
   (void)channel_.take_send_result();
   (void)channel_.take_receive_error();
@@ -47,15 +47,13 @@ void PeripheralLink::abort() {
   request_.reset();
 }
 
-std::optional<Result<wire::PeripheralResponse, PeripheralLink::Failure>> PeripheralLink::fail(
-    RequestFailure kind, const char* detail) {
+std::optional<PeripheralLink::Outcome> IsoTpPeripheralLink::fail(RequestFailure kind, const char* detail) {
   request_.reset();
   channel_.abort();
-  return Result<wire::PeripheralResponse, Failure>(tl::unexpected(Failure{kind, detail}));
+  return Outcome(tl::unexpected(Failure{kind, detail}));
 }
 
-std::optional<Result<wire::PeripheralResponse, PeripheralLink::Failure>> PeripheralLink::judge(
-    OctetView message) {
+std::optional<PeripheralLink::Outcome> IsoTpPeripheralLink::judge(OctetView message) {
   if (!request_) {
     ++late_answers_;
     return std::nullopt;
@@ -63,7 +61,7 @@ std::optional<Result<wire::PeripheralResponse, PeripheralLink::Failure>> Periphe
   auto response = wire::decode_response(message, *request_);
   if (response) {
     request_.reset();
-    return Result<wire::PeripheralResponse, Failure>(std::move(*response));
+    return Outcome(std::move(*response));
   }
   if (response.error() == PeripheralProtocolError::wrong_sequence) {
     ++late_answers_;  // of an earlier request; ours may still come
@@ -72,7 +70,7 @@ std::optional<Result<wire::PeripheralResponse, PeripheralLink::Failure>> Periphe
   return fail(RequestFailure::garbage, wire::to_string(response.error()));
 }
 
-std::optional<Result<wire::PeripheralResponse, PeripheralLink::Failure>> PeripheralLink::take_outcome() {
+std::optional<PeripheralLink::Outcome> IsoTpPeripheralLink::take_outcome() {
   while (channel_.messages_waiting() > 0) {
     auto outcome = judge(channel_.front_message());
     channel_.pop_message();
@@ -84,6 +82,14 @@ std::optional<Result<wire::PeripheralResponse, PeripheralLink::Failure>> Periphe
   if (sent && !*sent) return fail(kind_of(sent->error()), wire::to_string(sent->error()));
   if (received) return fail(kind_of(*received), wire::to_string(*received));
   return std::nullopt;
+}
+
+PeripheralLink::Counters IsoTpPeripheralLink::counters() const {
+  const wire::IsoTpCounters& c = channel_.counters();
+  return {.late_answers = late_answers_,
+          .transport_errors = c.timeouts_as + c.timeouts_bs + c.timeouts_cr + c.wrong_sequences +
+                              c.invalid_flow_statuses + c.unexpected_pdus + c.malformed_pdus + c.wait_limits +
+                              c.peer_overflows + c.receive_overflows};
 }
 
 }  // namespace srfs
