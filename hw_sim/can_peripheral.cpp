@@ -2,23 +2,9 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "hw_sim/can_peripheral.hpp"
 
-#include <algorithm>
-
 #include <sys/epoll.h>
 
 namespace srfs::sim {
-namespace {
-
-wire::CanDataFrame without_meta(const hw::CanFrame& frame) {
-  return {.id = frame.id, .extended = frame.extended, .size = frame.size, .data = frame.data};
-}
-
-/// The transport's time-outs are in running time, too; it knows one clock only.
-MonotonicTime transport(RunningTime t) {
-  return MonotonicTime(t.since_epoch());
-}
-
-}  // namespace
 
 CanPeripheral::CanPeripheral(EventLoop& loop, std::string name, std::uint8_t address,
                              std::unique_ptr<hw::CanBus> bus, std::unique_ptr<PeripheralChannel> channel,
@@ -28,9 +14,8 @@ CanPeripheral::CanPeripheral(EventLoop& loop, std::string name, std::uint8_t add
       address_(address),
       bus_(std::move(bus)),
       peripheral_(peripheral),
-      channel_(std::move(channel)),
-      timer_(loop.add_timer([this](MonotonicTime) { service(loop_.running_now()); })),
-      random_(address) {
+      endpoint_(address, *bus_, std::move(channel), peripheral),
+      timer_(loop.add_timer([this](MonotonicTime) { service(loop_.running_now()); })) {
   loop_.watch(bus_->fd(), EPOLLIN, [this](std::uint32_t, MonotonicTime) { service(loop_.running_now()); });
   service(loop_.running_now());
 }
@@ -40,75 +25,9 @@ CanPeripheral::~CanPeripheral() {
   loop_.unwatch(bus_->fd());
 }
 
-void CanPeripheral::receive(RunningTime now) {
-  while (const auto frame = bus_->receive()) {
-    if (frame->is_echo) {
-      channel_->on_transmit_confirm(without_meta(*frame), transport(now));
-    } else if (peripheral_.listening(now)) {
-      channel_->on_frame(without_meta(*frame), transport(now));
-    }
-  }
-  while (const auto request = channel_->take_request()) peripheral_.on_request(*request, now);
-}
-
-void CanPeripheral::transmit(RunningTime now) {
-  while (auto answer = peripheral_.poll(now)) answers_.push_back(std::move(*answer));
-  if (!peripheral_.listening(now)) {
-    channel_->abort();
-    answers_.clear();
-    return;
-  }
-  // A new answer means that the computer has given up waiting for the one before. To go on waiting for its
-  // flow control would make every later answer late as well.
-  while (answers_.size() > 1) answers_.pop_front();
-  if (!answers_.empty() && channel_->sending()) channel_->abort();
-  if (!answers_.empty() && !channel_->sending() && channel_->send(answers_.front(), transport(now)))
-    answers_.pop_front();
-  while (const auto frame = channel_->poll(transport(now))) {
-    if (!bus_->send(
-            {.id = frame->id, .extended = frame->extended, .size = frame->size, .data = frame->data})) {
-      channel_->on_transmit_refused(transport(now));
-      break;
-    }
-  }
-}
-
-void CanPeripheral::babble(RunningTime now) {
-  constexpr std::size_t frames_waiting = 4;
-  if (peripheral_.fault() != PeripheralFault::babble || !peripheral_.listening(now) || now < next_babble_)
-    return;
-  // It looks like unsolicited answers: single frames on its own identifier with random content.
-  const wire::CanIdentifierPair own = channel_->identifiers().front();
-  while (bus_->unconfirmed() < frames_waiting) {
-    hw::CanFrame frame{.id = own.answer, .extended = own.extended, .size = 8};
-    frame.data[0] = 0x07;
-    for (std::size_t i = 1; i < frame.data.size(); ++i)
-      frame.data[i] = static_cast<std::uint8_t>(random_() >> 8U);
-    if (!bus_->send(frame)) break;
-    ++babbled_;
-    if (peripheral_.fault_delay() > milliseconds(0)) break;
-  }
-  next_babble_ = now + std::max<nanoseconds>(peripheral_.fault_delay(), microseconds(500));
-}
-
-void CanPeripheral::set_timer(RunningTime now) {
-  std::optional<RunningTime> next;
-  const auto also = [&next](std::optional<RunningTime> at) {
-    if (at && (!next || *at < *next)) next = at;
-  };
-  if (const auto at = channel_->next_deadline()) also(RunningTime(at->since_epoch()));
-  also(peripheral_.next_deadline());
-  if (peripheral_.fault() == PeripheralFault::babble && peripheral_.powered()) also(next_babble_);
-  // Whatever is due and could not be done (a full bus) is tried again soon, not at once.
-  if (next && *next <= now) next = now + microseconds(200);
-  loop_.set_timer(timer_, loop_.earliest(next));
-}
-
 void CanPeripheral::service(RunningTime now) {
-  receive(now);
-  transmit(now);
-  babble(now);
-  set_timer(now);
+  endpoint_.service(now);
+  loop_.set_timer(timer_, loop_.earliest(endpoint_.next_deadline(now)));
 }
 
 }  // namespace srfs::sim

@@ -3,21 +3,19 @@
 #pragma once
 
 #include <cstdint>
-#include <deque>
 #include <memory>
-#include <random>
 #include <string>
 
 #include "hw/can_bus.hpp"
 #include "hw_sim/event_loop.hpp"
 #include "hw_sim/peripheral.hpp"
-#include "hw_sim/peripheral_channel.hpp"
+#include "hw_sim/peripheral_endpoint.hpp"
 #include "hw_sim/running_clock.hpp"
 
 namespace srfs::sim {
 
-/// Puts one Peripheral on a CAN bus: its own handle of the bus and its channel to the computer, all in
-/// running time. Thin adapter.
+/// Puts one Peripheral on a CAN bus: its own handle of the bus, and a PeripheralEndpoint that this loop
+/// serves. Thin adapter.
 class CanPeripheral {
  public:
   static constexpr std::uint8_t computer_address = 0x01;
@@ -33,26 +31,17 @@ class CanPeripheral {
   [[nodiscard]] const std::string& name() const { return name_; }
   [[nodiscard]] std::uint8_t address() const { return address_; }
   [[nodiscard]] Peripheral& peripheral() { return peripheral_; }
-  [[nodiscard]] PeripheralChannel::Counters channel_counters() const { return channel_->counters(); }
-  [[nodiscard]] std::uint64_t babbled() const { return babbled_; }
+  [[nodiscard]] PeripheralChannel::Counters channel_counters() const { return endpoint_.channel_counters(); }
+  [[nodiscard]] std::uint64_t babbled() const { return endpoint_.babbled(); }
 
  private:
-  void receive(RunningTime now);
-  void transmit(RunningTime now);
-  void babble(RunningTime now);
-  void set_timer(RunningTime now);
-
   EventLoop& loop_;
   std::string name_;
   std::uint8_t address_;
   std::unique_ptr<hw::CanBus> bus_;
   Peripheral& peripheral_;
-  std::unique_ptr<PeripheralChannel> channel_;
+  PeripheralEndpoint endpoint_;
   EventLoop::Timer timer_;
-  std::deque<Octets> answers_;  // at most one more than the channel sends; the peripheral bounds its own
-  RunningTime next_babble_;
-  std::uint64_t babbled_ = 0;
-  std::minstd_rand random_;
 };
 
 }  // namespace srfs::sim
