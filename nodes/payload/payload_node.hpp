@@ -10,6 +10,7 @@
 #include "base/bounded_queue.hpp"
 #include "hw/can_bus.hpp"
 #include "hw/gpio.hpp"
+#include "nodes/payload/flag_check.hpp"
 #include "nodes/payload/payload_cycle.hpp"
 #include "nodes/payload/payload_profile.hpp"
 #include "nodes/payload/peripheral_link.hpp"
@@ -50,8 +51,6 @@ class PayloadNode : public suite::Node {
   void close();
 
   // Input
-  /// Exactly the holder's flag, in its place if our plan has it, a lease that this plan can give, from the
-  /// switcher that runs.
   [[nodiscard]] bool is_plausible(const srfs_msgs::msg::TaskFlags& flags);
   void on_flags(const srfs_msgs::msg::TaskFlags& flags, const ros::MessageInfo& info);
   void on_telecommand(const srfs_msgs::msg::Telecommand& telecommand);
@@ -130,7 +129,7 @@ class PayloadNode : public suite::Node {
   Reported reported_;  ///< with the last packet of counters
 
   std::uint64_t implausible_flags_ = 0;
-  std::uint32_t believed_switcher_ = 0;
+  FlagCheck flag_check_;
   bool journal_writing_ = false;
   std::uint64_t journal_wanted_ = 0;
   /// Reports that still had no listener; the oldest is dropped (ttc asks again by repeating the telecommand).
