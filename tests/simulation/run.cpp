@@ -1,0 +1,111 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
+#include "tests/simulation/run.hpp"
+
+#include <fmt/format.h>
+
+#include "tests/simulation/fault_injector.hpp"
+#include "tests/simulation/spacecraft.hpp"
+
+namespace srfs::simulation {
+namespace {
+
+constexpr nanoseconds settling = seconds(150);  ///< of a calm: longer than the longest wait before a restart
+constexpr nanoseconds look = seconds(10);
+
+/// What is to be true in a calm: the suite has come back by itself.
+class CalmCheck {
+ public:
+  CalmCheck(Kernel& kernel, Spacecraft& spacecraft) : kernel_(kernel), spacecraft_(spacecraft) {}
+
+  void on_calm(bool begins) {
+    if (!begins) {
+      spacecraft_.ring().set_quiet(false);
+      return check();
+    }
+    kernel_.later(settling, [this] { spacecraft_.ring().set_quiet(true); });
+    kernel_.later(FaultInjector::calm - look, [this] {
+      cycle_ = spacecraft_.newest_cycle();
+      granted_ = spacecraft_.ledger().granted;
+      released_ = spacecraft_.ledger().released;
+    });
+  }
+
+ private:
+  void check() const {
+    for (std::size_t i = 0; i < spacecraft_.node_count(); ++i) {
+      const Host& host = spacecraft_.host(static_cast<Lane>(i));
+      if (!host.runs()) throw Violation{"F4", host.name() + " does not run long after the last fault"};
+    }
+    constexpr std::uint64_t expected = look / milliseconds(100);
+    if (spacecraft_.newest_cycle() < cycle_ + expected - 1)
+      throw Violation{
+          "F1", fmt::format("{} ticks in {} s", spacecraft_.newest_cycle() - cycle_, look / seconds(1))};
+    const auto& ledger = spacecraft_.ledger();
+    if (ledger.granted < granted_ + expected - 2)
+      throw Violation{"E4", fmt::format("{} slots in {} s", ledger.granted - granted_, look / seconds(1))};
+    if (ledger.released < released_ + expected / 2)
+      throw Violation{"M3", fmt::format("{} slots were released in {} s", ledger.released - released_,
+                                        look / seconds(1))};
+  }
+
+  Kernel& kernel_;
+  Spacecraft& spacecraft_;
+  MissionCycle cycle_ = 0;
+  std::uint64_t granted_ = 0;
+  std::uint64_t released_ = 0;
+};
+
+}  // namespace
+
+RunOutcome run(const RunSettings& settings) {
+  Kernel kernel(settings.seed);
+  kernel.set_trace_file(settings.trace);
+  const MonotonicTime begin = kernel.now();
+  RunOutcome outcome;
+  Spacecraft spacecraft(kernel);
+  FaultInjector faults(kernel, spacecraft, settings.faults);
+  CalmCheck calm(kernel, spacecraft);
+  faults.on_calm([&calm](bool begins) { calm.on_calm(begins); });
+  try {
+    kernel.run_until(begin + settings.duration);
+  } catch (const Violation& violation) {
+    outcome.violation = violation;
+    outcome.diagram = kernel.diagram();
+  }
+  outcome.at = kernel.now() - begin;
+  outcome.hash = kernel.hash();
+  outcome.steps = kernel.steps();
+  outcome.events = kernel.events();
+  outcome.ticks = spacecraft.newest_cycle();
+  outcome.slots = spacecraft.ledger().granted;
+  outcome.boots = spacecraft.boots();
+  for (std::size_t i = 0; i < spacecraft.node_count(); ++i)
+    outcome.starts += spacecraft.host(static_cast<Lane>(i)).starts();
+  for (std::size_t i = 0; i < fault_count; ++i) outcome.faults += faults.injected(static_cast<Fault>(i));
+  return outcome;
+}
+
+FaultSet shrink(const RunSettings& settings, const RunOutcome& failed) {
+  RunSettings smaller = settings;
+  smaller.trace = nullptr;
+  // Without some faults it may need longer.
+  smaller.duration = std::min(settings.duration, 2 * failed.at + seconds(900));
+  bool again = true;
+  while (again) {
+    again = false;
+    for (std::size_t i = 0; i < fault_count; ++i) {
+      if (!smaller.faults[i]) continue;
+      smaller.faults.reset(i);
+      const RunOutcome outcome = run(smaller);
+      if (outcome.violation && outcome.violation->requirement == failed.violation->requirement) {
+        again = true;
+      } else {
+        smaller.faults.set(i);
+      }
+    }
+  }
+  return smaller.faults;
+}
+
+}  // namespace srfs::simulation

@@ -1,0 +1,263 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
+#include "tests/simulation/spacecraft.hpp"
+
+#include "adcs_profile.hpp"
+#include "eps_profile.hpp"
+#include "thermal_profile.hpp"
+
+namespace srfs::sim {
+std::unique_ptr<PeripheralModel> make_payload_adcs_model(const ModelContext&);
+std::unique_ptr<PeripheralModel> make_payload_eps_model(const ModelContext&);
+std::unique_ptr<PeripheralModel> make_payload_thermal_model(const ModelContext&);
+}  // namespace srfs::sim
+
+namespace srfs::simulation {
+namespace {
+
+constexpr std::array<Lane, Spacecraft::payload_count> payload_lanes{Lane::payload_adcs, Lane::payload_eps,
+                                                                    Lane::payload_thermal};
+constexpr std::uint8_t first_can_address = 0x11;
+constexpr std::size_t nodes = 9;
+constexpr nanoseconds world_period = milliseconds(100);
+const UtcTime start_utc{seconds(1'795'000'000)};
+
+sim::WorldSettings world_settings(Kernel& kernel) {
+  sim::WorldSettings settings;
+  settings.time_acceleration = 1;
+  settings.seed = kernel.random("world").next();
+  return settings;
+}
+
+/// A node with its half of the ring.
+class NodeProcess final : public Program {
+ public:
+  NodeProcess(Host& host, Ring& ring, std::unique_ptr<Program> logic)
+      : logic_(std::move(logic)), ring_(host, ring) {}
+  [[nodiscard]] Program* logic() { return logic_.get(); }
+
+ private:
+  std::unique_ptr<Program> logic_;
+  Ring::Member ring_;
+};
+
+template <class Profile>
+std::unique_ptr<PayloadProfile> make_profile() {
+  return std::make_unique<Profile>();
+}
+
+std::unique_ptr<sim::PeripheralModel> make_model(std::size_t payload, const sim::ModelContext& context) {
+  switch (payload) {
+    case 0:
+      return sim::make_payload_adcs_model(context);
+    case 1:
+      return sim::make_payload_eps_model(context);
+    default:
+      return sim::make_payload_thermal_model(context);
+  }
+}
+
+}  // namespace
+
+// ---------------------------------------------------------------- a peripheral
+
+Device::Device(Kernel& kernel, CanLine& can, std::uint8_t address,
+               std::unique_ptr<sim::PeripheralModel> model)
+    : kernel_(kernel),
+      model_(std::move(model)),
+      peripheral_({.seed = address}, *model_, now()),
+      can_(can.open_device([this] { service(); })),
+      endpoint_(address, *can_, std::make_unique<sim::IsoTpPeripheralChannel>(address), peripheral_),
+      timer_(
+          kernel,
+          [&kernel](nanoseconds delay, Kernel::Event event) { kernel.later(delay, std::move(event)); },
+          [this] { service(); }) {
+  service();
+}
+
+void Device::service() {
+  endpoint_.service(now());
+  const auto next = endpoint_.next_deadline(now());
+  timer_.arm(next ? std::optional(MonotonicTime(next->since_epoch())) : std::nullopt);
+}
+
+bool Device::switch_power(bool on) {
+  if (stuck_) return false;
+  peripheral_.set_power(on, now());
+  service();
+  return true;
+}
+
+void Device::set_fault(sim::PeripheralFault fault, milliseconds delay, sim::FaultCure cure) {
+  peripheral_.set_fault(fault, delay, cure);
+  service();
+}
+
+// ---------------------------------------------------------------- the spacecraft
+
+Spacecraft::Spacecraft(Kernel& kernel)
+    : kernel_(kernel),
+      world_(world_settings(kernel), start_utc),
+      gps_{sim::GpsReceiver([&kernel] {
+             sim::GpsSettings settings;
+             settings.start = start_utc;
+             settings.jitter_us = 0.2;
+             settings.seed = kernel.random("gps").next();
+             return settings;
+           }()),
+           sim::TrueTime(kernel.now(), start_utc, 3.0, 0.2),
+           nullptr,
+           {},
+           {}},
+      owners_(payload_count, 0) {
+  for (std::size_t i = 0; i < payload_count; ++i) {
+    slots_.push_back({.payload = to_text(payload_lanes[i]),
+                      .allotted = milliseconds(60),
+                      .overrun = milliseconds(20),
+                      .reset = milliseconds(40)});
+    const auto address = static_cast<std::uint8_t>(first_can_address + i);
+    devices_.push_back(std::make_unique<Device>(
+        kernel_, can_, address, make_model(i, {world_, kernel_.random(slots_[i].payload).next()})));
+  }
+  std::vector<Host*> members;
+  for (std::size_t i = 0; i < nodes; ++i) {
+    hosts_.push_back(std::make_unique<Host>(kernel_, static_cast<Lane>(i),
+                                            [this](Host& host) { return make_program(host); }));
+    hosts_.back()->set_observer([this](Host& host) { on_process(host); });
+    members.push_back(hosts_.back().get());
+  }
+  ring_ = std::make_unique<Ring>(kernel_, network_, members);
+  can_.set_tap([this](pid_t writer) { check_writer(writer); });
+  boots_ = 1;
+  boot_id_ = "boot1";
+  powered_ = true;
+  ring_->start_all();
+  schedule_pulse();
+  step_world();
+}
+
+/// Programs use all that is here.
+Spacecraft::~Spacecraft() {
+  for (const auto& host : hosts_) host->discard();
+}
+
+std::unique_ptr<Program> Spacecraft::make_program(Host& host) {
+  return std::make_unique<NodeProcess>(host, *ring_, make_logic(host));
+}
+
+std::unique_ptr<Program> Spacecraft::make_logic(Host& made_for) {
+  switch (made_for.lane()) {
+    case Lane::timing:
+      return std::make_unique<Timing>(made_for,
+                                      TimingSurroundings{topics_,
+                                                         network_,
+                                                         disk_,
+                                                         gps_,
+                                                         watchdog_,
+                                                         {&host(Lane::can_switcher), &host(Lane::ttc)},
+                                                         boot_id_,
+                                                         newest_cycle_,
+                                                         reserved_cycle_});
+    case Lane::can_switcher:
+      return std::make_unique<Switcher>(made_for,
+                                        SwitcherSurroundings{topics_, can_, slots_,
+                                                             [this](const std::string& name) -> Host* {
+                                                               for (const auto& h : hosts_) {
+                                                                 if (h->name() == name) return h.get();
+                                                               }
+                                                               return nullptr;
+                                                             },
+                                                             host(Lane::timing), holder_word_, ledger_});
+    case Lane::payload_adcs:
+    case Lane::payload_eps:
+    case Lane::payload_thermal: {
+      static constexpr std::array profiles{make_profile<AdcsProfile>, make_profile<EpsProfile>,
+                                           make_profile<ThermalProfile>};
+      const auto i = static_cast<std::size_t>(made_for.lane()) - static_cast<std::size_t>(Lane::payload_adcs);
+      owners_[i] = made_for.pid();
+      return std::make_unique<Payload>(
+          made_for,
+          PayloadSurroundings{topics_, network_, can_, disk_, *devices_[i], slots_, host(Lane::can_switcher),
+                              host(Lane::ttc), static_cast<std::uint8_t>(first_can_address + i), boot_id_,
+                              profiles[i]});
+    }
+    default:
+      return nullptr;
+  }
+}
+
+void Spacecraft::on_process(Host& host) {
+  if (host.state() == Host::State::running) return network_.on_begin(host);
+  disk_.on_end(host);
+  ring_->on_process(host);
+}
+
+void Spacecraft::cut_power(const char* why, bool by_watchdog) {
+  if (!powered_) return;
+  powered_ = false;
+  kernel_.trace(Lane::world, Lane::world, why, boots_);
+  for (const auto& host : hosts_) host->end("power cut");
+  can_.lose_computer();
+  holder_word_.holder.reset();
+  ring_->lose_power();
+  watchdog_ = {.fed = std::nullopt, .bit = by_watchdog};
+  kernel_.later(kernel_.random("boot" + std::to_string(boots_)).between(seconds(2), seconds(20)), [this] {
+    powered_ = true;
+    boot_id_ = "boot" + std::to_string(++boots_);
+    ring_->start_all();
+  });
+}
+
+Payload* Spacecraft::payload(std::size_t i) {
+  auto* const process = static_cast<NodeProcess*>(host(payload_lanes[i]).program());
+  return process != nullptr ? static_cast<Payload*>(process->logic()) : nullptr;
+}
+
+/// A payload writes to the bus: nobody else may write, and nothing of another one may wait.
+void Spacecraft::check_writer(pid_t writer) {
+  for (std::size_t i = 0; i < payload_count; ++i) {
+    if (owners_[i] == writer || owners_[i] == 0) continue;
+    const bool is_payload = std::find(owners_.begin(), owners_.end(), writer) != owners_.end();
+    if (!is_payload) return;  // the switcher's marker
+    const Payload* const other = payload(i);
+    if (other != nullptr && host(payload_lanes[i]).pid() == owners_[i] && other->may_write())
+      throw Violation{"S2", "two payloads have the bus: " + slots_[i].payload + " and the writer " +
+                                std::to_string(writer)};
+    if (can_.waiting_of(owners_[i]) != 0)
+      throw Violation{"M5a", "a frame of " + slots_[i].payload + " still waits while another payload writes"};
+  }
+}
+
+void Spacecraft::step_world() {
+  world_.step(world_period);
+  for (const auto& device : devices_) device->step(world_period);
+  const double charge = world_.power().state().charge;
+  if (!(charge >= 0 && charge <= 1))
+    throw Violation{"hw_sim", "the battery's charge is " + std::to_string(charge)};
+  if (powered_ && watchdog_.fed && kernel_.now() - *watchdog_.fed > WatchdogTimer::timeout)
+    cut_power("the watchdog bites", true);
+  kernel_.later(world_period, [this] { step_world(); });
+}
+
+void Spacecraft::schedule_pulse() {
+  const sim::GpsPulse pulse = gps_.receiver.next_pulse(gps_.truth, kernel_.now());
+  const auto send_edge = [this](MonotonicTime edge) {
+    if (gps_.reader != nullptr) gps_.reader->give([this, edge] { gps_.on_pulse(edge); });
+  };
+  for (const auto& stray : pulse.strays) {
+    if (stray && *stray > kernel_.now()) kernel_.at(*stray, [send_edge, at = *stray] { send_edge(at); });
+  }
+  kernel_.at(pulse.edge, [this, pulse, send_edge] {
+    if (pulse.emitted && gps_.receiver.fault() == sim::GpsFault::none) send_edge(pulse.edge);
+    if (pulse.utc.ns() % 1'000'000'000 == 0) {
+      kernel_.later(gps_.receiver.settings().sentence_delay, [this, utc = pulse.utc] {
+        const Octets sentences = gps_.receiver.messages(utc, {});
+        if (sentences.empty() || gps_.reader == nullptr) return;
+        gps_.reader->give([this, sentences] { gps_.on_sentences(sentences); });
+      });
+    }
+    schedule_pulse();
+  });
+}
+
+}  // namespace srfs::simulation

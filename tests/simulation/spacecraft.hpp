@@ -1,0 +1,105 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "hw_sim/isotp_peripheral_channel.hpp"
+#include "hw_sim/peripheral.hpp"
+#include "hw_sim/peripheral_endpoint.hpp"
+#include "hw_sim/spacecraft_world.hpp"
+#include "tests/simulation/can_line.hpp"
+#include "tests/simulation/disk.hpp"
+#include "tests/simulation/payload.hpp"
+#include "tests/simulation/ring.hpp"
+#include "tests/simulation/switcher.hpp"
+#include "tests/simulation/timing.hpp"
+#include "tests/simulation/topics.hpp"
+
+namespace srfs::simulation {
+
+/// One peripheral: hw_sim's model behind its end of the CAN bus, with its power line.
+class Device final : public PowerLine {
+ public:
+  Device(Kernel& kernel, CanLine& can, std::uint8_t address, std::unique_ptr<sim::PeripheralModel> model);
+
+  bool switch_power(bool on) override;
+  [[nodiscard]] bool is_on() const override { return peripheral_.powered(); }
+  void set_fault(sim::PeripheralFault fault, milliseconds delay, sim::FaultCure cure);
+  void set_stuck(bool stuck) { stuck_ = stuck; }
+  void step(nanoseconds dt) { model_->step(dt); }
+  [[nodiscard]] const sim::Peripheral& peripheral() const { return peripheral_; }
+
+ private:
+  void service();
+  [[nodiscard]] sim::RunningTime now() const { return sim::RunningTime(kernel_.now().since_epoch()); }
+
+  Kernel& kernel_;
+  std::unique_ptr<sim::PeripheralModel> model_;
+  sim::Peripheral peripheral_;
+  std::unique_ptr<CanHandle> can_;
+  sim::PeripheralEndpoint endpoint_;
+  Deadline timer_;
+  bool stuck_ = false;
+};
+
+/// The nine nodes of launch_config/sim.yaml with what is around them. The logic of the nodes, the ring and
+/// the models of hw_sim are the real ones; DDS, disk, processes and clocks are played.
+class Spacecraft {
+ public:
+  static constexpr std::size_t payload_count = 3;
+
+  explicit Spacecraft(Kernel& kernel);
+  ~Spacecraft();
+  Spacecraft(const Spacecraft&) = delete;
+  Spacecraft& operator=(const Spacecraft&) = delete;
+
+  [[nodiscard]] Host& host(Lane lane) { return *hosts_[static_cast<std::size_t>(lane)]; }
+  [[nodiscard]] std::size_t node_count() const { return hosts_.size(); }
+  [[nodiscard]] Device& device(std::size_t payload) { return *devices_[payload]; }
+  [[nodiscard]] Network& network() { return network_; }
+  [[nodiscard]] CanLine& can() { return can_; }
+  [[nodiscard]] Disk& disk() { return disk_; }
+  [[nodiscard]] Gps& gps() { return gps_; }
+  [[nodiscard]] Ring& ring() { return *ring_; }
+  [[nodiscard]] const SwitcherSurroundings::Ledger& ledger() const { return ledger_; }
+  [[nodiscard]] const sim::SpacecraftWorld& world() const { return world_; }
+  /// Everything that is up ends; some seconds later the computer starts again.
+  void cut_power(const char* why, bool by_watchdog);
+  [[nodiscard]] std::uint32_t boots() const { return boots_; }
+  [[nodiscard]] MissionCycle newest_cycle() const { return newest_cycle_; }
+
+ private:
+  [[nodiscard]] std::unique_ptr<Program> make_program(Host& host);
+  [[nodiscard]] std::unique_ptr<Program> make_logic(Host& host);
+  void on_process(Host& host);
+  void step_world();
+  void check_writer(pid_t writer);
+  void schedule_pulse();
+  [[nodiscard]] Payload* payload(std::size_t i);
+
+  Kernel& kernel_;
+  Network network_{kernel_};
+  Topics topics_{kernel_, network_};
+  CanLine can_{kernel_};
+  Disk disk_{kernel_};
+  sim::SpacecraftWorld world_;
+  Gps gps_;
+  WatchdogTimer watchdog_;
+  HolderWord holder_word_;
+  SwitcherSurroundings::Ledger ledger_;
+  std::vector<suite::Slot> slots_;
+  std::vector<std::unique_ptr<Device>> devices_;
+  std::vector<std::unique_ptr<Host>> hosts_;
+  std::unique_ptr<Ring> ring_;
+  std::string boot_id_;
+  std::uint32_t boots_ = 0;
+  bool powered_ = false;
+  MissionCycle newest_cycle_ = 0;
+  MissionCycle reserved_cycle_ = 0;
+  std::vector<pid_t> owners_;  ///< process of each payload, also after its end
+};
+
+}  // namespace srfs::simulation

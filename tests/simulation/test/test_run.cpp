@@ -1,0 +1,54 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
+#include <gtest/gtest.h>
+
+#include "tests/build_kind.hpp"
+#include "tests/simulation/run.hpp"
+
+namespace srfs::simulation {
+namespace {
+
+constexpr std::uint64_t last_seed = testing_support::slow ? 2 : 8;
+
+RunOutcome fly(std::uint64_t seed, nanoseconds duration, const FaultSet& faults) {
+  return run({.seed = seed, .faults = faults, .duration = duration});
+}
+
+/// Long enough for a storm of faults and the calm behind it.
+TEST(Simulation, TheInvariantsHoldUnderTheFaultsOfEverySeed) {
+  for (std::uint64_t seed = 1; seed <= last_seed; ++seed) {
+    const RunOutcome outcome = fly(seed, seconds(900), swarm_of(seed));
+    ASSERT_FALSE(outcome.violation) << "seed " << seed << ": " << outcome.violation->requirement << ": "
+                                    << outcome.violation->text << "\n"
+                                    << outcome.diagram;
+    EXPECT_GT(outcome.slots, 7000U) << "seed " << seed;
+  }
+}
+
+TEST(Simulation, ASeedGivesTheSameRunAgainAndAnotherOneAnother) {
+  const RunOutcome one = fly(8, seconds(300), swarm_of(8));
+  const RunOutcome again = fly(8, seconds(300), swarm_of(8));
+  const RunOutcome other = fly(9, seconds(300), swarm_of(8));
+  EXPECT_EQ(one.hash, again.hash);
+  EXPECT_EQ(one.steps, again.steps);
+  EXPECT_NE(one.hash, other.hash);
+}
+
+TEST(Simulation, WithoutFaultsEveryTickHasItsSlotAndNoProcessIsStartedTwice) {
+  const RunOutcome outcome = fly(16, seconds(600), {});
+  ASSERT_FALSE(outcome.violation);
+  EXPECT_EQ(outcome.starts, 9U);
+  EXPECT_EQ(outcome.boots, 1U);
+  EXPECT_GT(outcome.slots, 5980U);
+}
+
+TEST(Simulation, FaultsAreInjectedAndProcessesAndComputerComeBack) {
+  const RunOutcome outcome = fly(8, seconds(600), FaultSet().set());
+  ASSERT_FALSE(outcome.violation);
+  EXPECT_GT(outcome.faults, 100U);
+  EXPECT_GT(outcome.starts, 40U);
+  EXPECT_GT(outcome.boots, 1U);
+}
+
+}  // namespace
+}  // namespace srfs::simulation
