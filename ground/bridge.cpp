@@ -76,17 +76,18 @@ nlohmann::json to_json(const BridgeCounters& c) {
           {"tc_unsent", c.tc_unsent}};
 }
 
-Result<Bridge, std::string> Bridge::open(const suite::LinkSettings& link, Port port, const sockaddr_in& tm,
-                                         const sockaddr_in& tc) {
+Result<Bridge, std::string> Bridge::open(const suite::LinkSettings& link, std::unique_ptr<OctetLine> line,
+                                         const sockaddr_in& tm, const sockaddr_in& tc) {
   Fd socket(::socket(AF_INET, SOCK_DGRAM | SOCK_NONBLOCK | SOCK_CLOEXEC, 0));
   if (!socket) return Err(fmt::format("cannot create a socket: {}", errno_text(errno)));
   if (::bind(socket.get(), reinterpret_cast<const sockaddr*>(&tc), sizeof tc) != 0)
     return Err(fmt::format("{}: cannot receive the uplink there: {}", to_text(tc), errno_text(errno)));
-  return Bridge(link, std::move(port), std::move(socket), tm);
+  return Bridge(link, std::move(line), std::move(socket), tm);
 }
 
-Bridge::Bridge(const suite::LinkSettings& link, Port port, Fd socket, const sockaddr_in& tm)
-    : port_(std::move(port)),
+Bridge::Bridge(const suite::LinkSettings& link, std::unique_ptr<OctetLine> line, Fd socket,
+               const sockaddr_in& tm)
+    : line_(std::move(line)),
       socket_(std::move(socket)),
       tm_(tm),
       randomize_uplink_(link.tc_randomizer),
@@ -98,7 +99,7 @@ Bridge::Bridge(const suite::LinkSettings& link, Port port, Fd socket, const sock
                static_cast<std::size_t>(link.tm_frame_length)) {}
 
 Result<void, std::string> Bridge::on_line() {
-  const auto octets = port_.read();
+  const auto octets = line_->read();
   if (!octets) return Err(octets.error());
   const std::uint64_t rejected = synchroniser_.counters().rejected;
   for (const auto& cadu : synchroniser_.push(*octets)) {
@@ -129,7 +130,7 @@ void Bridge::on_socket() {
       ++counters_.tc_refused;
       continue;
     }
-    ++(port_.write(*line, write_patience) ? counters_.tc_datagrams : counters_.tc_unsent);
+    ++(line_->write(*line, write_patience) ? counters_.tc_datagrams : counters_.tc_unsent);
   }
 }
 

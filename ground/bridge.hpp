@@ -3,6 +3,7 @@
 #pragma once
 
 #include <cstdint>
+#include <memory>
 #include <optional>
 #include <string>
 #include <string_view>
@@ -55,11 +56,11 @@ class Bridge {
   static constexpr std::size_t datagrams_a_turn = 64;
 
   /// @return the error is ready to print
-  static Result<Bridge, std::string> open(const suite::LinkSettings& link, Port port, const sockaddr_in& tm,
-                                          const sockaddr_in& tc);
+  static Result<Bridge, std::string> open(const suite::LinkSettings& link, std::unique_ptr<OctetLine> line,
+                                          const sockaddr_in& tm, const sockaddr_in& tc);
 
   /// For poll(2): the line and the uplink's socket.
-  [[nodiscard]] int line_fd() const { return port_.fd(); }
+  [[nodiscard]] int line_fd() const { return line_->fd(); }
   [[nodiscard]] int socket_fd() const { return socket_.get(); }
   /// Frames that are there, to UDP. An error: the link is gone.
   [[nodiscard]] Result<void, std::string> on_line();
@@ -70,8 +71,8 @@ class Bridge {
   [[nodiscard]] sockaddr_in uplink_address() const;
 
  private:
-  Bridge(const suite::LinkSettings& link, Port port, Fd socket, const sockaddr_in& tm);
-  Port port_;
+  Bridge(const suite::LinkSettings& link, std::unique_ptr<OctetLine> line, Fd socket, const sockaddr_in& tm);
+  std::unique_ptr<OctetLine> line_;
   Fd socket_;
   sockaddr_in tm_;
   bool randomize_uplink_;

@@ -18,6 +18,7 @@
 #include "base/signals.hpp"
 #include "base/text.hpp"
 #include "cfdp/safe_name.hpp"
+#include "ground/files.hpp"
 #include "ground/terminal_text.hpp"
 
 namespace srfs::ground {
@@ -42,20 +43,20 @@ std::string one_line(const nlohmann::json& json) {
 
 }  // namespace
 
-Console::Console(const mission::Dictionary& dictionary, const suite::LinkSettings& link, Port port,
-                 Uplink uplink, ConsoleOptions options)
+Console::Console(const mission::Dictionary& dictionary, std::unique_ptr<StationLink> link,
+                 ConsoleOptions options)
     : dictionary_(dictionary),
       options_(options),
       signals_(termination_signals()),
-      station_(dictionary, link, std::move(port), std::move(uplink),
+      station_(dictionary, std::move(link),
                {.telemetry = [this](const auto& report) { on_telemetry(report); },
                 .stage = [this](const auto& report) { on_stage(report); },
                 .retrieval_over = [this](const auto& retrieval) { on_retrieval_over(retrieval); },
                 .cop = [this](const auto& report) { on_cop(report); },
                 .file = [this](const auto& news) { on_file(news); },
                 .keys = [this](auto set, const auto& why) { on_keys(set, why); },
-                .problem = [this](const auto& problem) { fail(problem); }},
-               options.fop),
+                .problem = [this](const auto& problem) { fail(problem); },
+                .note = [this](const auto& text) { note(text); }}),
       next_stats_(monotonic_now() + stats_period) {
   if (options.ad) station_.start_ad();
 }
@@ -115,10 +116,7 @@ Exit Console::ping(std::optional<milliseconds> timeout) {
   if (failed_to_send_) return Exit::unusable;
   const MonotonicTime sent = monotonic_now();
   const auto over = [&] { return pong_ || (last_stage_ && last_stage_->is_failure()); };
-  // By the AD service it may have to be repeated.
-  const milliseconds patience = timeout.value_or(
-      options_.ad ? options_.fop.timer * options_.fop.transmission_limit : milliseconds(3000));
-  const MonotonicTime deadline = sent + patience;
+  const MonotonicTime deadline = sent + timeout.value_or(options_.ping_patience);
   if (!run(Watch::port, over, deadline)) return Exit::link_closed;
   if (!pong_) {
     fail(last_stage_ && last_stage_->is_failure() ? "no answer to the ping: " + last_stage_->failure_text
@@ -150,14 +148,10 @@ Exit Console::retrieve(const std::string& store, const std::string& from, const 
   return last_retrieval_ && last_retrieval_->is_complete() ? Exit::done : Exit::refused;
 }
 
-void Console::carry_files(std::unique_ptr<cfdp::TransferFolders> transfer_folders) {
-  station_.carry_files(std::move(transfer_folders));
-}
-
 Exit Console::put(const std::string& file, const std::string& name, std::optional<milliseconds> timeout) {
   quiet_telemetry_ = true;
   const auto deadline = timeout ? std::optional(monotonic_now() + *timeout) : std::nullopt;
-  return follow_file(put_file(*station_.files(), file, name), deadline);
+  return follow_file(station_.link().put(file, name, false), deadline);
 }
 
 Exit Console::follow_file(const Result<cfdp::TransactionId, std::string>& put,
@@ -182,7 +176,7 @@ Exit Console::install(const std::string& file, const std::string& name, bool act
   quiet_telemetry_ = true;
   installation_begun_ = monotonic_now();
   const auto deadline = timeout ? std::optional(installation_begun_ + *timeout) : std::nullopt;
-  const Exit up = follow_file(put_or_resume(*station_.files(), file, name), deadline);
+  const Exit up = follow_file(station_.link().put(file, name, true), deadline);
   if (up != Exit::done) return up;
   installing_ = name;
   const TelecommandText order = install_telecommand(name, activate);
@@ -345,16 +339,15 @@ void Console::on_keys(suite::AssociationSet set, const std::string& why) {
 }
 
 bool Console::files_under_way() {
-  if (station_.files() == nullptr) return false;
-  const auto all = station_.files()->entity().transactions();
+  const auto all = station_.link().transfers();
   return std::any_of(all.begin(), all.end(), [](const auto& t) { return t.rest == cfdp::Rest::none; });
 }
 
 void Console::tell_progress() {
-  if (station_.files() == nullptr || monotonic_now() < next_progress_) return;
+  if (!station_.link().carries_files() || monotonic_now() < next_progress_) return;
   next_progress_ = monotonic_now() + progress_period;
   std::string told;
-  for (const cfdp::Report& report : station_.files()->entity().transactions()) {
+  for (const cfdp::Report& report : station_.link().transfers()) {
     told += (options_.json ? one_line(to_json(report)) : to_line(report)) + "\n";
   }
   if (told.empty() || told == last_progress_) return;
@@ -369,26 +362,24 @@ void Console::tell_progress() {
 }
 
 bool Console::on_file_line(const std::string& verb, const std::vector<std::string>& words) {
-  cfdp::TransferFolders* const transfer_folders = station_.files();
-  if (transfer_folders == nullptr) return false;
+  StationLink& link = station_.link();
+  if (!link.carries_files()) return false;
   if (verb == "put" && (words.size() == 1 || words.size() == 2)) {
-    const auto put =
-        put_file(*transfer_folders, words[0],
-                 words.size() == 2 ? words[1] : std::filesystem::path(words[0]).filename().string());
+    const auto put = link.put(
+        words[0], words.size() == 2 ? words[1] : std::filesystem::path(words[0]).filename().string(), false);
     if (!put) fail(put.error());
     return true;
   }
   if (verb == "files" && words.empty()) {
-    for (const cfdp::Report& report : transfer_folders->entity().transactions()) write_json(to_json(report));
+    for (const cfdp::Report& report : link.transfers()) write_json(to_json(report));
     return true;
   }
   if (words.size() != 1 || (verb != "suspend" && verb != "resume" && verb != "cancel")) return false;
   const auto id = parse_transaction(words[0]);
   if (!id) return false;
-  const MonotonicTime now = monotonic_now();
-  const bool known = verb == "suspend"  ? transfer_folders->entity().suspend(*id)
-                     : verb == "resume" ? transfer_folders->entity().resume(*id, now)
-                                        : transfer_folders->entity().cancel(*id, now);
+  const bool known = link.order_transfer(*id, verb == "suspend"  ? StationLink::TransferOrder::suspend
+                                              : verb == "resume" ? StationLink::TransferOrder::resume
+                                                                 : StationLink::TransferOrder::cancel);
   if (!known) fail(fmt::format("no transfer with id {} is in progress", words[0]));
   return true;
 }
@@ -450,17 +441,14 @@ Console::StepEnd Console::run_step(const ScriptStep& step) {
       return wait_until(monotonic_now() + std::max(left, nanoseconds(0)));
     }
     case ScriptStep::Kind::ad_on:
-      station_.start_ad();
-      return initiated();
+      return station_.start_ad() ? initiated() : StepEnd::otherwise;
     case ScriptStep::Kind::ad_off:
       station_.stop_ad();
       return StepEnd::as_expected;
     case ScriptStep::Kind::unlock:
-      station_.unlock();
-      return initiated();
+      return station_.unlock() ? initiated() : StepEnd::otherwise;
     case ScriptStep::Kind::set_vr:
-      station_.set_vr(step.vr);
-      return initiated();
+      return station_.set_vr(step.vr) ? initiated() : StepEnd::otherwise;
   }
   return StepEnd::otherwise;
 }
@@ -515,19 +503,18 @@ Exit Console::finish_initiation() {
 
 Exit Console::unlock() {
   quiet_telemetry_ = true;
-  station_.unlock();
-  return finish_initiation();
+  return station_.unlock() ? finish_initiation() : Exit::refused;
 }
 
 Exit Console::set_vr(std::uint8_t vr) {
   quiet_telemetry_ = true;
-  station_.set_vr(vr);
-  return finish_initiation();
+  return station_.set_vr(vr) ? finish_initiation() : Exit::refused;
 }
 
 Exit Console::clcw(std::optional<milliseconds> timeout) {
   quiet_telemetry_ = true;
   asks_for_clcw_ = true;
+  if (station_.cop().clcw) on_cop(station_.cop());  // a server knows it already
   const MonotonicTime deadline = monotonic_now() + timeout.value_or(default_clcw);
   if (!run(
           Watch::port, [&] { return station_.cop().clcw.has_value(); }, deadline))
@@ -690,7 +677,7 @@ bool Console::run(Watch watch, const std::function<bool()>& over, std::optional<
   while (!over() && !interrupted_ && !closed) {
     if (deadline && monotonic_now() >= *deadline) break;
     wait_once(watch, deadline, closed);
-    station_.on_time();
+    if (const auto alive = station_.on_time(); !alive && !std::exchange(closed, true)) fail(alive.error());
     tell_progress();
     if (watch == Watch::port_and_input && monotonic_now() >= next_stats_) write_stats();
   }
@@ -738,12 +725,12 @@ void Console::note(const std::string& message) {
 
 void Console::write_stats() {
   next_stats_ = monotonic_now() + stats_period;
-  if (!options_.json) return write_lines(to_lines(station_.counters()));
-  nlohmann::json json = to_json(station_.counters());
-  json["telecommands_sent"] = station_.telecommands_sent();
-  json["locked"] = station_.locked();
+  if (!options_.json) return write_lines(to_lines(station_.link().counters()));
+  nlohmann::json json = to_json(station_.link().counters());
+  json["telecommands_sent"] = station_.link().telecommands_sent();
+  json["locked"] = station_.link().locked();
   json["cop"] = to_json(station_.cop());
-  if (station_.clcw()) json["clcw"] = fmt::format("{:08x}", *station_.clcw());
+  if (station_.link().clcw()) json["clcw"] = fmt::format("{:08x}", *station_.link().clcw());
   write_json(json);
 }
 
@@ -767,11 +754,12 @@ Exit run_bridge(Bridge& bridge, bool json) {
   while (true) {
     std::array<pollfd, 3> fds{
         {{bridge.line_fd(), POLLIN, 0}, {bridge.socket_fd(), POLLIN, 0}, {signals.get(), POLLIN, 0}}};
+    const bool seeks = bridge.line_fd() < 0;  // the server has ended, and is looked for
     const auto left = std::chrono::ceil<milliseconds>(next - monotonic_now()).count();
-    static_cast<void>(
-        ::poll(fds.data(), fds.size(), static_cast<int>(std::clamp<std::int64_t>(left, 0, 5000))));
+    static_cast<void>(::poll(fds.data(), fds.size(),
+                             static_cast<int>(std::clamp<std::int64_t>(left, 0, seeks ? 100 : 5000))));
     if (fds[2].revents != 0) break;
-    if (fds[0].revents != 0) {
+    if (fds[0].revents != 0 || seeks) {
       if (const auto read = bridge.on_line(); !read) {
         std::fprintf(stderr, "srfs-ground: %s\n", read.error().c_str());
         return Exit::link_closed;

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <filesystem>
+#include <memory>
 #include <optional>
 #include <string>
 #include <vector>
@@ -29,15 +30,14 @@ struct ConsoleOptions {
   bool json = false;
   bool colour = false;
   bool ad = false;  ///< telecommands by the AD service from the start
-  wire::FopSettings fop = {};
+  milliseconds ping_patience{3000};
 };
 
 /// One run of the tool: a station, its output as lines or JSON, and the loop that waits for the port, the
 /// signals SIGINT and SIGTERM (they end it in order), standard input (session) and deadlines.
 class Console {
  public:
-  Console(const mission::Dictionary& dictionary, const suite::LinkSettings& link, Port port, Uplink uplink,
-          ConsoleOptions options);
+  Console(const mission::Dictionary& dictionary, std::unique_ptr<StationLink> link, ConsoleOptions options);
 
   /// One telecommand. @param wait until completion, else until acceptance, or with @p at until it is
   /// scheduled
@@ -65,8 +65,7 @@ class Console {
   [[nodiscard]] Exit set_vr(std::uint8_t vr);
   /// The next CLCW of the channel.
   [[nodiscard]] Exit clcw(std::optional<milliseconds> timeout);
-  /// What the following carry up and down besides. In order: before them.
-  void carry_files(std::unique_ptr<cfdp::TransferFolders> transfer_folders);
+  /// The following need a link that carries files.
   /// One file up, until the spacecraft has it. What is not up by then stays in the queue.
   [[nodiscard]] Exit put(const std::string& file, const std::string& name,
                          std::optional<milliseconds> timeout);
@@ -77,7 +76,7 @@ class Console {
   /// Carries the queue up and what comes down. @param duration nullopt: until interrupted
   [[nodiscard]] Exit files(std::optional<milliseconds> duration);
   /// What is asked of the folder of files on board, with the answers as lines. A file that is to arrive is
-  /// waited for; carry_files() before.
+  /// waited for on a link that carries files.
   [[nodiscard]] Exit remote(const RemoteRequest& request, std::optional<milliseconds> timeout);
   /// Values of node parameters (PUS 20).
   [[nodiscard]] Exit get_parameters(const std::vector<const mission::Parameter*>& parameters,

@@ -22,6 +22,12 @@ wire::TmPacket as_report(const wire::TimePacket& time) {
 
 }  // namespace
 
+std::optional<wire::TmPacket> telemetry_in(OctetView packet) {
+  if (const auto time = wire::parse_time_packet(packet)) return as_report(*time);
+  auto telemetry = wire::parse_tm_packet(packet);
+  return telemetry ? std::optional(std::move(*telemetry)) : std::nullopt;
+}
+
 Downlink::Downlink(const suite::LinkSettings& link)
     : synchroniser_({.frame_octets = static_cast<std::size_t>(link.tm_frame_length),
                      .reed_solomon = link.tm_reed_solomon,
@@ -48,15 +54,14 @@ std::vector<ReceivedPacket> Downlink::push(OctetView octets) {
         take_file_packet(packet);
         continue;
       }
-      auto telemetry = wire::parse_tm_packet(packet);
-      if (const auto time = wire::parse_time_packet(packet)) telemetry = as_report(*time);
+      auto telemetry = telemetry_in(packet);
       if (!telemetry) {
         ++bad_packets_;
         continue;
       }
       ++packets_;
       packet_octets_ += packet.size();
-      received.push_back({frame->vc, std::move(*telemetry)});
+      received.push_back({frame->vc, std::move(*telemetry), packet});
     }
   }
   return received;

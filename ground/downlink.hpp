@@ -26,7 +26,11 @@ inline constexpr std::uint8_t files = 2;
 struct ReceivedPacket {
   std::uint8_t vc = 0;
   wire::TmPacket packet;
+  Octets raw = {};  ///< the Space Packet as it came
 };
+
+/// A Space Packet of the downlink as PUS telemetry; the time packet, which has no secondary header, as 9,2.
+[[nodiscard]] std::optional<wire::TmPacket> telemetry_in(OctetView packet);
 
 struct DownlinkCounters {
   std::uint64_t octets = 0;

@@ -76,6 +76,8 @@ Result<Octets, std::string> Port::read() {
 }
 
 Result<void, std::string> Port::write(OctetView octets, milliseconds patience) {
+  if (!fd_)
+    return Err(fmt::format("{} is closed; the server opens it again when it is there", path_.string()));
   const MonotonicTime deadline = monotonic_now() + patience;
   while (!octets.empty()) {
     const ssize_t put = ::write(fd_.get(), octets.data(), octets.size());

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cctype>
 #include <cstdio>
+#include <cstdlib>
 #include <exception>
 #include <functional>
 #include <iostream>
@@ -18,10 +19,15 @@
 #include "base/file.hpp"
 #include "base/version.hpp"
 #include "ground/console.hpp"
+#include "ground/direct_link.hpp"
+#include "ground/files.hpp"
 #include "ground/fragments.hpp"
 #include "ground/installation.hpp"
 #include "ground/package_arguments.hpp"
+#include "ground/place.hpp"
 #include "ground/remote.hpp"
+#include "ground/served_link.hpp"
+#include "ground/server.hpp"
 #include "suite/deployment.hpp"
 #include "update/package_keys.hpp"
 
@@ -31,7 +37,8 @@ using namespace srfs;
 using namespace srfs::ground;
 
 struct Arguments {
-  std::string port = "var/rs422";
+  std::string port;
+  std::string verb;
   std::string deployment = "sim";
   std::string state;
   std::string keys;
@@ -113,9 +120,26 @@ std::filesystem::path dictionary_of(const Arguments& a) {
   return mission::Dictionary::default_folder();
 }
 
-Exit operate(const Arguments& a, Verb verb) {
-  const std::filesystem::path port = a.port;
-  const auto var_dir = port.has_parent_path() ? port.parent_path() : std::filesystem::path(".");
+std::string environment(const char* name) {
+  const char* const value = std::getenv(name);
+  return value == nullptr ? "" : value;
+}
+
+Place find_place(const Arguments& a) {
+  PlaceHints hints{.port_argument = a.port,
+                   .port_environment = environment("SRFS_PORT"),
+                   .var_environment = environment("SRFS_VAR")};
+  std::error_code error;
+  hints.var_here = std::filesystem::exists("var/rs422", error);
+  const bool known = !(hints.port_argument + hints.port_environment + hints.var_environment).empty();
+  if (!known && !hints.var_here) hints.running = running_simulations();
+  return place_of(hints);
+}
+
+Exit operate(Arguments& a, Verb verb) {
+  const Place place = find_place(a);
+  a.port = place.port;
+  const std::filesystem::path var_dir = place.var;
   const std::filesystem::path state_dir =
       a.state.empty() ? var_dir / "ground" : std::filesystem::path(a.state);
   std::vector<std::string> warnings;
@@ -139,31 +163,87 @@ struct Use {
   bool json = false;   ///< even without --json
 };
 
-/// Opens the port and does @p what with the spacecraft.
+wire::FopSettings fop_settings(const Arguments& a) {
+  return {.window = static_cast<std::uint8_t>(a.window),
+          .timer = milliseconds(static_cast<std::int64_t>(a.t1_s * 1000)),
+          .transmission_limit = static_cast<std::uint8_t>(a.transmissions)};
+}
+
+/// The line itself.
+Result<std::unique_ptr<DirectLink>, std::string> open_line(const Operation& operation,
+                                                           const suite::LinkSettings& link, Port port,
+                                                           bool files) {
+  const Arguments& a = operation.arguments;
+  auto uplink =
+      Uplink::open(link, operation.var_dir, operation.state_dir, system_utc_now(), key_set_of(a.keys));
+  if (!uplink) return Err(uplink.error());
+  if (const std::string warning = uplink->warning(); !warning.empty()) warn(a, warning);
+  auto line = std::make_unique<DirectLink>(operation.dictionary, link, std::move(port), std::move(*uplink),
+                                           fop_settings(a));
+  if (!files) return line;
+  auto transfers = open_files(operation.state_dir, system_utc_now(), monotonic_now());
+  if (!transfers) return Err(transfers.error());
+  if ((*transfers)->damaged())
+    std::fprintf(stderr, "srfs-ground: unfinished file transfers start again: checkpoint %s\n",
+                 std::string(cfdp::to_string(*(*transfers)->damaged())).c_str());
+  line->carry_files(std::move(*transfers));
+  return line;
+}
+
+/// The server that owns the line. nullopt: none runs.
+Result<std::optional<ServerConnection>, std::string> server_of(const Operation& operation, bool files,
+                                                               bool octets) {
+  const Arguments& a = operation.arguments;
+  return ServerConnection::open(
+      operation.state_dir / serve::socket_name,
+      {.verb = a.verb, .files = files, .octets = octets, .keys = key_set_of(a.keys)});
+}
+
+/// The way to the spacecraft: through the server if one runs, else the line itself.
+Result<std::unique_ptr<StationLink>, std::string> open_link(const Operation& operation,
+                                                            const suite::LinkSettings& link, bool files) {
+  auto server = server_of(operation, files, false);
+  if (!server) return Err(server.error());
+  if (*server) {
+    const wire::FopSettings fop = fop_settings(operation.arguments);
+    const nlohmann::json wanted{{"window", fop.window},
+                                {"t1_ms", fop.timer / milliseconds(1)},
+                                {"transmissions", fop.transmission_limit}};
+    if (operation.arguments.ad && (*server)->welcome().value("ad", wanted) != wanted)
+      warn(operation.arguments, "a server owns the line: its --window, --t1 and --transmissions count");
+    return std::make_unique<ServedLink>(std::move(**server), files);
+  }
+  auto port = Port::open(operation.arguments.port, link.baud);
+  if (!port) return Err(port.error());
+  auto line = open_line(operation, link, std::move(*port), files);
+  if (!line) return Err(line.error());
+  return std::move(*line);
+}
+
+/// Opens the link and does @p what with the spacecraft.
 Exit with_console(const Operation& operation, const suite::LinkSettings& link, Use use,
                   const std::function<Exit(Console&)>& what) {
   const Arguments& a = operation.arguments;
-  auto port = Port::open(a.port, link.baud);
-  if (!port) return fail(a, port.error());
-  auto uplink =
-      Uplink::open(link, operation.var_dir, operation.state_dir, system_utc_now(), key_set_of(a.keys));
-  if (!uplink) return fail(a, uplink.error());
-  if (const std::string warning = uplink->warning(); !warning.empty()) warn(a, warning);
-  const bool colour = !a.json && isatty(STDOUT_FILENO) == 1;
-  const wire::FopSettings fop{.window = static_cast<std::uint8_t>(a.window),
-                              .timer = milliseconds(static_cast<std::int64_t>(a.t1_s * 1000)),
-                              .transmission_limit = static_cast<std::uint8_t>(a.transmissions)};
-  Console console(operation.dictionary, link, std::move(*port), std::move(*uplink),
-                  {.json = a.json || use.json, .colour = colour, .ad = a.ad, .fop = fop});
-  if (use.files) {
-    auto files = open_files(operation.state_dir, system_utc_now(), monotonic_now());
-    if (!files) return fail(a, files.error());
-    if ((*files)->damaged())
-      std::fprintf(stderr, "srfs-ground: unfinished file transfers start again: checkpoint %s\n",
-                   std::string(cfdp::to_string(*(*files)->damaged())).c_str());
-    console.carry_files(std::move(*files));
-  }
+  auto line = open_link(operation, link, use.files);
+  if (!line) return fail(a, line.error());
+  const wire::FopSettings fop = fop_settings(a);
+  ConsoleOptions options{
+      .json = a.json || use.json, .colour = !a.json && isatty(STDOUT_FILENO) == 1, .ad = a.ad};
+  // By the AD service a ping may have to be repeated.
+  if (a.ad) options.ping_patience = fop.timer * fop.transmission_limit;
+  Console console(operation.dictionary, std::move(*line), options);
   return what(console);
+}
+
+/// The octets of the line, through the server if one runs.
+Result<std::unique_ptr<OctetLine>, std::string> open_octets(const Operation& operation,
+                                                            const suite::LinkSettings& link) {
+  auto server = server_of(operation, false, true);
+  if (!server) return Err(server.error());
+  if (*server) return std::make_unique<ServedLine>(std::move(**server));
+  auto port = Port::open(operation.arguments.port, link.baud);
+  if (!port) return Err(port.error());
+  return std::make_unique<Port>(std::move(*port));
 }
 
 /// The time of --at. nullopt: now.
@@ -443,14 +523,28 @@ Exit bridge(const Operation& operation) {
   const auto udp = udp_addresses(a);
   if (!udp) return fail(a, udp.error());
   const auto link = link_of(a);
-  auto port = Port::open(a.port, link.baud);
-  if (!port) return fail(a, port.error());
-  auto opened = Bridge::open(link, std::move(*port), udp->tm, udp->tc);
+  auto line = open_octets(operation, link);
+  if (!line) return fail(a, line.error());
+  auto opened = Bridge::open(link, std::move(*line), udp->tm, udp->tc);
   if (!opened) return fail(a, opened.error());
   if (!a.json)
     std::printf("TM frames go to %s, CLTUs or TC frames are received at %s\n", to_text(udp->tm).c_str(),
                 to_text(opened->uplink_address()).c_str());
   return run_bridge(*opened, a.json);
+}
+
+Exit serve(const Operation& operation) {
+  const Arguments& a = operation.arguments;
+  const auto link = link_of(a);
+  auto server = Server::open(operation.state_dir);
+  if (!server) return fail(a, server.error());
+  auto line = open_line(operation, link, Port::closed(a.port), true);
+  if (!line) return fail(a, line.error());
+  std::printf("serving %s at %s\n", a.port.c_str(), server->socket().c_str());
+  std::fflush(stdout);
+  server->run(
+      **line, [&] { return Port::open(a.port, link.baud); }, fop_settings(a));
+  return Exit::done;
 }
 
 Exit package_install(const Operation& operation) {
@@ -468,7 +562,10 @@ Exit package_install(const Operation& operation) {
 /// Adds a subcommand that runs @p verb.
 CLI::App& add(CLI::App& app, Arguments& a, const std::string& name, const std::string& help, Verb verb) {
   CLI::App& sub = *app.add_subcommand(name, help)->fallthrough();
-  sub.final_callback([&a, verb] { a.exit = operate(a, verb); });
+  sub.final_callback([&a, verb, name] {
+    a.verb = name;
+    a.exit = operate(a, verb);
+  });
   return sub;
 }
 
@@ -494,8 +591,12 @@ CLI::Option* add_release_time(CLI::App& sub, Arguments& a) {
 void define_run(CLI::App& app, Arguments& a) {
   app.require_subcommand(1);
   app.set_version_flag("--version", version());
-  app.add_option("--port", a.port, "Serial port of the ground link")->capture_default_str();
+  app.add_option(
+      "--port", a.port,
+      "Serial port of the ground link (default: $SRFS_PORT, $SRFS_VAR/rs422, var/rs422, or that of "
+      "the simulation that runs)");
   app.add_option("--deployment", a.deployment, "Deployment file, or its name in launch_config")
+      ->envname("SRFS_DEPLOYMENT")
       ->capture_default_str();
   app.add_option("--state", a.state, "Folder of the security counter (default: ground beside the port)");
   app.add_option("--keys", a.keys, "Keys of this run: a, b or contingency (default: those last selected)")
@@ -607,6 +708,11 @@ void define_parameters(CLI::App& app, Arguments& a) {
   add_timeout(param, a);
 }
 
+void define_server(CLI::App& app, Arguments& a) {
+  add(app, a, "serve", "Own the line and share it among all other srfs-ground commands, until interrupted",
+      verbs::serve);
+}
+
 void define_bridge(CLI::App& app, Arguments& a) {
   CLI::App& bridge = add(app, a, "bridge",
                          "Forward TM frames and CLTUs or TC frames between the port and UDP", verbs::bridge);
@@ -627,7 +733,10 @@ void define_packages(CLI::App& app, Arguments& a) {
   run("keygen", make_keys);
   run("show", show_package);
   run("verify", verify_package);
-  package.get_subcommand("install")->final_callback([&a] { a.exit = operate(a, verbs::package_install); });
+  package.get_subcommand("install")->final_callback([&a] {
+    a.verb = "package install";
+    a.exit = operate(a, verbs::package_install);
+  });
 }
 
 /// The order is that of --help.
@@ -640,6 +749,7 @@ void define(CLI::App& app, Arguments& a) {
   define_files(app, a);
   define_parameters(app, a);
   define_bridge(app, a);
+  define_server(app, a);
   define_packages(app, a);
 }
 

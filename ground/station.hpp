@@ -5,19 +5,15 @@
 #include <cstdint>
 #include <functional>
 #include <map>
+#include <memory>
 #include <optional>
 #include <string>
 #include <vector>
 
-#include "base/fd.hpp"
-#include "ground/ad_service.hpp"
 #include "ground/commanding.hpp"
-#include "ground/downlink.hpp"
-#include "ground/files.hpp"
-#include "ground/link.hpp"
+#include "ground/station_link.hpp"
 #include "ground/telemetry.hpp"
 #include "ground/time_tag.hpp"
-#include "ground/uplink.hpp"
 
 namespace srfs::ground {
 
@@ -30,19 +26,18 @@ struct StationOutput {
   std::function<void(const cfdp::News&)> file;                              ///< what became of files
   std::function<void(suite::AssociationSet, const std::string& why)> keys;  ///< other keys are used now
   std::function<void(const std::string&)> problem;                          ///< ready to print
+  std::function<void(const std::string&)> note;                             ///< no failure; ready to print
 };
 
 /// The operator's end of the link: sends telecommands, decodes telemetry, follows verification. Telecommands
 /// go as BD frames, or by the AD service once start_ad was called. One thread.
 class Station {
  public:
-  static constexpr milliseconds write_patience{5000};
   /// Waited beyond a telecommand's own timeout: its last report must still come down.
   static constexpr milliseconds report_margin{2000};
   static constexpr std::size_t max_retrievals = 16;
 
-  Station(const mission::Dictionary& dictionary, const suite::LinkSettings& link, Port port, Uplink uplink,
-          StationOutput output, wire::FopSettings fop = {});
+  Station(const mission::Dictionary& dictionary, std::unique_ptr<StationLink> link, StationOutput output);
 
   /// Checks, secures and writes one telecommand; its stages come through the output. Blocks until the octets
   /// are written. With the AD service it is queued first: stage sent comes with its first transmission, and
@@ -69,31 +64,25 @@ class Station {
                                                          std::optional<milliseconds> patience,
                                                          std::uint64_t tag,
                                                          std::optional<UtcTime> release = std::nullopt);
-  /// The AD service (see AdService); news comes through the output.
-  void start_ad();
+  /// The AD service (see AdService); news comes through the output. @return false: it could not be ordered,
+  /// and the output has why
+  bool start_ad();
   void stop_ad();
-  void unlock();
-  void set_vr(std::uint8_t vr);
-  [[nodiscard]] CopReport cop() const { return ad_.report(); }
+  bool unlock();
+  bool set_vr(std::uint8_t vr);
+  [[nodiscard]] CopReport cop() const { return link_->cop(); }
 
-  /// From now on files are carried in both directions; they go up at the line's rate, telecommands between
-  /// them. Blocks on the disk, as all that follows.
-  void carry_files(std::unique_ptr<cfdp::TransferFolders> transfer_folders);
-  /// nullptr: no files are carried. After an order to it: on_time().
-  [[nodiscard]] cfdp::TransferFolders* files() { return files_.get(); }
+  /// Files, counters and state of the line.
+  [[nodiscard]] StationLink& link() { return *link_; }
 
   /// Reads what is there and reports what it means. An error: the link is gone.
   [[nodiscard]] Result<void, std::string> on_readable();
-  /// Ends what is overdue.
-  void on_time();
+  /// Ends what is overdue. An error: the link is gone.
+  [[nodiscard]] Result<void, std::string> on_time();
   /// When on_time has something to do, at the latest.
   [[nodiscard]] std::optional<MonotonicTime> next_deadline() const;
 
-  [[nodiscard]] int fd() const { return port_.fd(); }
-  [[nodiscard]] DownlinkCounters counters() const { return downlink_.counters(); }
-  [[nodiscard]] bool locked() const { return downlink_.locked(); }
-  [[nodiscard]] std::optional<std::uint32_t> clcw() const { return downlink_.clcw(); }
-  [[nodiscard]] std::uint64_t telecommands_sent() const { return uplink_.sent(); }
+  [[nodiscard]] int fd() const { return link_->fd(); }
   /// No telecommand and no retrieval is under way.
   [[nodiscard]] bool idle() const {
     return commanding_.outstanding() == 0 && retrievals_.empty() && ad_telecommands_.empty() &&
@@ -101,7 +90,8 @@ class Station {
   }
   /// The AD service is neither on nor off yet.
   [[nodiscard]] bool ad_starting() const {
-    return ad_.phase() == AdPhase::seeking || ad_.phase() == AdPhase::initiating;
+    const AdPhase phase = link_->cop().phase;
+    return phase == AdPhase::seeking || phase == AdPhase::initiating;
   }
 
  private:
@@ -120,42 +110,30 @@ class Station {
     milliseconds patience;
   };
   [[nodiscard]] Result<wire::RequestId, std::string> dispatch(const mission::EncodedCommand& command,
+                                                              const std::vector<std::string>& arguments,
                                                               std::optional<milliseconds> patience,
                                                               std::uint64_t tag,
                                                               const std::optional<Scheduled>& scheduled);
   void follow(const wire::RequestId& insertion, const std::optional<Scheduled>& scheduled, std::uint64_t tag,
               MonotonicTime now);
   void on_insertion(const StageReport& report, MonotonicTime now);
-  [[nodiscard]] Result<wire::RequestId, std::string> send_by_ad(const mission::EncodedCommand& command,
-                                                                milliseconds patience, std::uint64_t tag,
-                                                                MonotonicTime now);
-  void handle_ad();
-  void transmit_ad(const AdSignal& signal);
+  [[nodiscard]] bool ordered(const Result<void, std::string>& order);
+  void on_ad(std::uint64_t number, AdProgress progress);
+  /// The AD service is done with it. @param outcome  nullopt: its reports or its patience decide
+  void end_ad(std::map<std::uint64_t, AdTelecommand>::iterator telecommand, std::optional<Outcome> outcome,
+              const std::string& why);
   void on_packet(const ReceivedPacket& received, MonotonicTime now);
   void on_stage(const StageReport& report, MonotonicTime now);
   void end_retrievals(MonotonicTime now);
-  /// The spacecraft reports that it takes these keys.
-  void follow_counters(const TelemetryReport& beacon);
-  void follow_keys(suite::AssociationSet set, const std::string& why);
-  void move_files(MonotonicTime now);
-  [[nodiscard]] bool send_pdu(OctetView pdu);
-
   const mission::Dictionary& dictionary_;
-  Port port_;
-  Downlink downlink_;
-  Uplink uplink_;
+  std::unique_ptr<StationLink> link_;
   Commanding commanding_;
-  AdService ad_;
   std::map<std::uint64_t, AdTelecommand> ad_telecommands_;  // by number; bounded by AD queue and window
   std::uint64_t next_ad_number_ = 1;
   std::map<wire::RequestId, wire::RequestId> insertions_;  // insertion -> its telecommand; bounded
   static constexpr std::size_t max_insertions = Commanding::max_outstanding;
   std::vector<Retrieval> retrievals_;
   std::map<std::uint64_t, suite::AssociationSet> asked_keys_;  ///< by the tag of ttc.select_keys
-  std::unique_ptr<cfdp::TransferFolders> files_;
-  double octet_time_ns_;
-  MonotonicTime line_free_at_;  ///< of file data; a pty would take it at any rate
-  std::uint16_t file_sequence_count_ = 0;
   StationOutput output_;
 };
 

@@ -241,9 +241,9 @@ bool Uplink::has(suite::AssociationSet set) const {
                      [set](const auto& a) { return a.set == set; });
 }
 
-const Uplink::Association* Uplink::association(wire::TcFrameType type) const {
+const Uplink::Association* Uplink::association(wire::TcFrameType type, suite::AssociationSet set) const {
   const auto found = std::find_if(associations_.begin(), associations_.end(), [&](const auto& a) {
-    return a.set == set_ && (type == wire::TcFrameType::ad ? a.for_ad : a.for_bd);
+    return a.set == set && (type == wire::TcFrameType::ad ? a.for_ad : a.for_bd);
   });
   return found == associations_.end() ? nullptr : &*found;
 }
@@ -273,8 +273,10 @@ wire::TcPacket Uplink::packet_of(const mission::EncodedCommand& command, std::ui
           .application = command.data};
 }
 
-Result<OutgoingTelecommand, std::string> Uplink::make(const mission::EncodedCommand& command) {
-  const Association* const used = association(wire::TcFrameType::bd);
+Result<OutgoingTelecommand, std::string> Uplink::make(const mission::EncodedCommand& command,
+                                                      std::optional<suite::AssociationSet> set) {
+  if (set && secured_ && !has(*set)) return Err(fmt::format("the keys '{}' are missing here", to_text(*set)));
+  const Association* const used = association(wire::TcFrameType::bd, set.value_or(set_));
   std::optional<wire::SdlsSeal> seal;
   std::uint16_t sequence_count = 0;
   if (used != nullptr) {
@@ -308,7 +310,7 @@ Result<TelecommandPacket, std::string> Uplink::make_packet(const mission::Encode
 }
 
 Result<Octets, std::string> Uplink::make_ad_cltu(std::uint8_t sequence, OctetView packet) {
-  const Association* const used = association(wire::TcFrameType::ad);
+  const Association* const used = association(wire::TcFrameType::ad, set_);
   std::optional<wire::SdlsSeal> seal;
   if (used != nullptr) {
     const auto counter = state_.reserve_counter(used->spi);
@@ -326,7 +328,7 @@ std::size_t Uplink::packet_octets_max() const {
 }
 
 Result<Octets, std::string> Uplink::make_file_cltu(OctetView packet) {
-  const Association* const used = association(wire::TcFrameType::bd);
+  const Association* const used = association(wire::TcFrameType::bd, set_);
   std::optional<wire::SdlsSeal> seal;
   if (used != nullptr) {
     const auto counter = state_.reserve_counter_ahead(used->spi);

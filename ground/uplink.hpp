@@ -114,7 +114,9 @@ class Uplink {
                                           std::optional<suite::AssociationSet> forced = std::nullopt);
 
   /// Blocks on the disk. All verification reports are asked for.
-  [[nodiscard]] Result<OutgoingTelecommand, std::string> make(const mission::EncodedCommand& command);
+  /// @param set  of the keys; nullopt: those in use
+  [[nodiscard]] Result<OutgoingTelecommand, std::string> make(
+      const mission::EncodedCommand& command, std::optional<suite::AssociationSet> set = std::nullopt);
   /// A packet for the AD service. Blocks on the disk.
   [[nodiscard]] Result<TelecommandPacket, std::string> make_packet(const mission::EncodedCommand& command);
   /// One transmission of a packet as AD frame; every one is secured with a counter of its own. Blocks on the
@@ -152,8 +154,8 @@ class Uplink {
   [[nodiscard]] wire::TcPacket packet_of(const mission::EncodedCommand& command,
                                          std::uint16_t sequence_count) const;
   [[nodiscard]] bool has(suite::AssociationSet set) const;
-  /// Of the set in use. nullptr: a channel without security
-  [[nodiscard]] const Association* association(wire::TcFrameType type) const;
+  /// nullptr: a channel without security
+  [[nodiscard]] const Association* association(wire::TcFrameType type, suite::AssociationSet set) const;
   std::vector<Association> associations_;  ///< those whose key is here
   std::set<std::uint16_t> foreign_told_;
   bool secured_ = false;

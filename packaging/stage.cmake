@@ -16,6 +16,7 @@ endfunction()
 
 file(GLOB units ${source}/systemd/*.service ${source}/systemd/*.slice)
 file(COPY ${units} DESTINATION ${root}/usr/lib/systemd/system)
+put(${source}/systemd/user/srfs-ground.service usr/lib/systemd/user/srfs-ground.service)
 put(${source}/systemd/manager.conf usr/lib/systemd/system.conf.d/50-srfs.conf)
 put(${source}/70-srfs.rules usr/lib/udev/rules.d/70-srfs.rules)
 put(${source}/sysctl.conf usr/lib/sysctl.d/60-srfs.conf)

@@ -20,6 +20,7 @@
 #include <mission/structures.hpp>
 #include <nlohmann/json.hpp>
 
+#include "base/child_process.hpp"
 #include "base/file.hpp"
 #include "fake_spacecraft.hpp"
 #include "ground/bridge.hpp"
@@ -210,8 +211,22 @@ void serve(const Pty& pty, FakeSpacecraft& spacecraft, const std::atomic<bool>& 
   }
 }
 
-class GroundProgram : public ::testing::Test {
+enum class Way : std::uint8_t { direct, served };
+
+class ProgramOverPty : public ::testing::Test {
  protected:
+  void start_server() {
+    auto started = ChildProcess::start({std::string(SRFS_BINARY_DIR) + "/bin/srfs-ground", "--port",
+                                        (var_.path() / "rs422").string(), "--t1", "0.2", "--transmissions",
+                                        "200", "serve"});
+    ASSERT_TRUE(started) << started.error();
+    server_.emplace(std::move(*started));
+    // Its first line says that it listens.
+    std::array<char, 512> line{};
+    pollfd wait{server_->output(), POLLIN, 0};
+    ASSERT_EQ(poll(&wait, 1, 30'000), 1);
+    ASSERT_GT(read(server_->output(), line.data(), line.size()), 0);
+  }
   struct Run {
     int exit_code = -1;
     std::string output;
@@ -251,15 +266,26 @@ class GroundProgram : public ::testing::Test {
   VarFolder var_;
   Pty pty_{var_.path()};
   FakeSpacecraft spacecraft_{secured_link()};
+  std::optional<ChildProcess> server_;
 };
 
-TEST_F(GroundProgram, Pings) {
+/// Every test runs twice: the program owns the line, and a server does.
+class GroundProgram : public ProgramOverPty, public ::testing::WithParamInterface<Way> {
+ protected:
+  void SetUp() override {
+    if (GetParam() == Way::served) start_server();
+  }
+};
+INSTANTIATE_TEST_SUITE_P(Program, GroundProgram, ::testing::Values(Way::direct, Way::served),
+                         [](const auto& way) { return way.param == Way::direct ? "Direct" : "Served"; });
+
+TEST_P(GroundProgram, Pings) {
   const Run ping = run("ping");
   EXPECT_EQ(ping.exit_code, 0) << ping.output;
   EXPECT_THAT(ping.output, HasSubstr("alive, answer after"));
 }
 
-TEST_F(GroundProgram, ShowsTheStagesOfATelecommand) {
+TEST_P(GroundProgram, ShowsTheStagesOfATelecommand) {
   const Run tc = run("tc eps.switch_load load=1 state=on --wait");
   EXPECT_EQ(tc.exit_code, 0) << tc.output;
   EXPECT_THAT(tc.output, HasSubstr("eps.switch_load accepted"));
@@ -267,7 +293,7 @@ TEST_F(GroundProgram, ShowsTheStagesOfATelecommand) {
   EXPECT_THAT(tc.output, HasSubstr("eps.switch_load completed"));
 }
 
-TEST_F(GroundProgram, SchedulesATimeTaggedTelecommandAndFollowsItToItsEnd) {
+TEST_P(GroundProgram, SchedulesATimeTaggedTelecommandAndFollowsItToItsEnd) {
   const Run scheduled = run("tc eps.switch_load load=1 state=on --at 2030-01-01T00:00:00Z");
   EXPECT_EQ(scheduled.exit_code, 0) << scheduled.output;
   EXPECT_THAT(scheduled.output, HasSubstr("schedule.insert completed"));
@@ -283,7 +309,7 @@ TEST_F(GroundProgram, SchedulesATimeTaggedTelecommandAndFollowsItToItsEnd) {
   EXPECT_THAT(bad.output, HasSubstr("outside the link's time"));
 }
 
-TEST_F(GroundProgram, ListsTheScheduleAndChangesIt) {
+TEST_P(GroundProgram, ListsTheScheduleAndChangesIt) {
   ASSERT_EQ(run("tc eps.switch_load load=1 state=on --at 2030-01-01T00:00:00Z").exit_code, 0);
   const Run list = run("schedule");
   EXPECT_EQ(list.exit_code, 0) << list.output;
@@ -300,7 +326,7 @@ TEST_F(GroundProgram, ListsTheScheduleAndChangesIt) {
     EXPECT_EQ(run(std::string("schedule ") + action).exit_code, 2) << action;
 }
 
-TEST_F(GroundProgram, ShowsTheReportThatATelecommandOrders) {
+TEST_P(GroundProgram, ShowsTheReportThatATelecommandOrders) {
   const Run summary = run("tc storage.summary");
   EXPECT_EQ(summary.exit_code, 0) << summary.output;
   EXPECT_THAT(summary.output, HasSubstr("storage.summary completed"));
@@ -327,7 +353,7 @@ TEST_F(GroundProgram, ShowsTheReportThatATelecommandOrders) {
   EXPECT_THAT(run("tc ttc.ping").output, HasSubstr("are-you-alive report"));
 }
 
-TEST_F(GroundProgram, SaysThatAnOrderedReportDidNotCome) {
+TEST_P(GroundProgram, SaysThatAnOrderedReportDidNotCome) {
   spacecraft_.reports = false;
   const Run summary = run("tc storage.summary");
   EXPECT_EQ(summary.exit_code, 1) << summary.output;
@@ -339,7 +365,7 @@ TEST_F(GroundProgram, SaysThatAnOrderedReportDidNotCome) {
   EXPECT_THAT(faults.output, HasSubstr("nothing to report, or lost on the link"));
 }
 
-TEST_F(GroundProgram, ShowsOrderedReportsInAScriptAndMissesThem) {
+TEST_P(GroundProgram, ShowsOrderedReportsInAScriptAndMissesThem) {
   const auto script = var_.path() / "script";
   std::ofstream(script) << "tc package.report\n";
   const Run shown = run("script " + script.string());
@@ -351,13 +377,13 @@ TEST_F(GroundProgram, ShowsOrderedReportsInAScriptAndMissesThem) {
   EXPECT_THAT(missed.output, HasSubstr("NOT as expected"));
 }
 
-TEST_F(GroundProgram, EndsWithOneWhenTheSpacecraftRefuses) {
+TEST_P(GroundProgram, EndsWithOneWhenTheSpacecraftRefuses) {
   const Run tc = run("tc eps.switch_load load=3 state=on --wait");
   EXPECT_EQ(tc.exit_code, 1);
   EXPECT_THAT(tc.output, HasSubstr("rejected: code 23 busy"));
 }
 
-TEST_F(GroundProgram, ChecksWhatItIsToSendBeforeItOpensThePort) {
+TEST_P(GroundProgram, ChecksWhatItIsToSendBeforeItOpensThePort) {
   std::filesystem::remove(var_.path() / "rs422");
   std::ofstream(var_.path() / "file") << "content";
   const std::string file = (var_.path() / "file").string();
@@ -382,7 +408,7 @@ TEST_F(GroundProgram, ChecksWhatItIsToSendBeforeItOpensThePort) {
   }
 }
 
-TEST_F(GroundProgram, AsksAtATerminalBeforeAHazardousTelecommandAndSaysWhatBecameOfIt) {
+TEST_P(GroundProgram, AsksAtATerminalBeforeAHazardousTelecommandAndSaysWhatBecameOfIt) {
   for (const char* answer : {"y\n", "yes\n", "YES\n"}) {
     const Run sent = run_at_terminal("tc eps.power_cycle_peripheral --wait", answer);
     EXPECT_EQ(sent.exit_code, 0) << answer << sent.output;
@@ -399,7 +425,7 @@ TEST_F(GroundProgram, AsksAtATerminalBeforeAHazardousTelecommandAndSaysWhatBecam
   EXPECT_FALSE(spacecraft_.last_counter);
 }
 
-TEST_F(GroundProgram, TellsOfTheAdServiceOnlyWhenItIsUsedOrAskedFor) {
+TEST_P(GroundProgram, TellsOfTheAdServiceOnlyWhenItIsUsedOrAskedFor) {
   const Run tc = run("tc eps.switch_load load=1 state=on --wait");
   EXPECT_EQ(tc.exit_code, 0) << tc.output;
   EXPECT_THAT(tc.output, Not(HasSubstr("AD service")));
@@ -408,7 +434,7 @@ TEST_F(GroundProgram, TellsOfTheAdServiceOnlyWhenItIsUsedOrAskedFor) {
               HasSubstr("AD service on: FOP-1"));
 }
 
-TEST_F(GroundProgram, ListsRangesWithAllTheirDigits) {
+TEST_P(GroundProgram, ListsRangesWithAllTheirDigits) {
   const Run list = run("list image.capture");
   EXPECT_EQ(list.exit_code, 0) << list.output;
   EXPECT_THAT(list.output, HasSubstr(", 1 to 4294967295\n"));
@@ -417,21 +443,21 @@ TEST_F(GroundProgram, ListsRangesWithAllTheirDigits) {
   EXPECT_THAT(run("param list").output, Not(ContainsRegex("[0-9]e[+-][0-9]")));
 }
 
-TEST_F(GroundProgram, RefusesAnArgumentOutOfRangeBeforeSending) {
+TEST_P(GroundProgram, RefusesAnArgumentOutOfRangeBeforeSending) {
   const Run tc = run("tc eps.switch_load load=7 state=on");
   EXPECT_EQ(tc.exit_code, 2);
   EXPECT_THAT(tc.output, HasSubstr("eps.switch_load: argument 'load': 7 is out of range 0..3"));
   EXPECT_FALSE(spacecraft_.last_counter);
 }
 
-TEST_F(GroundProgram, RetrievesStoredPackets) {
+TEST_P(GroundProgram, RetrievesStoredPackets) {
   const Run retrieve = run("retrieve --from 2026-11-21T08:00:00Z --to 2026-11-21T08:10:00Z");
   EXPECT_EQ(retrieve.exit_code, 0) << retrieve.output;
   EXPECT_THAT(retrieve.output, HasSubstr("timing (stored)"));
   EXPECT_THAT(retrieve.output, HasSubstr("1 of 1 packets received, complete"));
 }
 
-TEST_F(GroundProgram, TellsASessionAsJsonLines) {
+TEST_P(GroundProgram, TellsASessionAsJsonLines) {
   const Run session = run(
       "session",
       "ping\ntc eps.switch_load load=2 state=off --wait\ntc eps.switch_load load=9 state=off\nnonsense\n");
@@ -451,7 +477,7 @@ TEST_F(GroundProgram, TellsASessionAsJsonLines) {
   EXPECT_GE(types["stats"], 1);
 }
 
-TEST_F(GroundProgram, RepeatsLostFramesUntilEachTelecommandArrivedOnce) {
+TEST_P(GroundProgram, RepeatsLostFramesUntilEachTelecommandArrivedOnce) {
   spacecraft_.farm.vr = 250;
   spacecraft_.lose_ad_frames = 3;
   std::string lines = "ad on\n";
@@ -476,7 +502,7 @@ TEST_F(GroundProgram, RepeatsLostFramesUntilEachTelecommandArrivedOnce) {
   EXPECT_EQ(cop["service"], "on");
 }
 
-TEST_F(GroundProgram, SendsASingleTelecommandByTheAdService) {
+TEST_P(GroundProgram, SendsASingleTelecommandByTheAdService) {
   spacecraft_.lose_ad_frames = 1;
   const Run tc = run("--ad --t1 0.2 --transmissions 200 tc eps.switch_load load=1 state=on --wait");
   EXPECT_EQ(tc.exit_code, 0) << tc.output;
@@ -484,7 +510,7 @@ TEST_F(GroundProgram, SendsASingleTelecommandByTheAdService) {
   EXPECT_EQ(spacecraft_.farm.vr, 1);
 }
 
-TEST_F(GroundProgram, SaysThatTheFarmIsLockedOutAndUnlocksIt) {
+TEST_P(GroundProgram, SaysThatTheFarmIsLockedOutAndUnlocksIt) {
   spacecraft_.farm = {.mode = wire::FarmMode::lockout, .vr = 77, .lockout = true};
   const Run refused = run("--ad --t1 0.2 --transmissions 200 tc eps.switch_load load=1 state=on --wait");
   EXPECT_EQ(refused.exit_code, 1) << refused.output;
@@ -506,7 +532,7 @@ TEST_F(GroundProgram, SaysThatTheFarmIsLockedOutAndUnlocksIt) {
   EXPECT_EQ(run("--ad --t1 0.2 --transmissions 200 tc eps.switch_load load=1 state=on --wait").exit_code, 0);
 }
 
-TEST_F(GroundProgram, RunsAScriptToItsEnd) {
+TEST_P(GroundProgram, RunsAScriptToItsEnd) {
   const auto script = var_.path() / "script";
   std::ofstream(script) << "# comment\n"
                            "ping\n"
@@ -524,7 +550,7 @@ TEST_F(GroundProgram, RunsAScriptToItsEnd) {
   EXPECT_THAT(done.output, HasSubstr("8 of 8 lines run, 0 not as expected"));
 }
 
-TEST_F(GroundProgram, StopsAScriptAtTheFirstSurpriseUnlessToldOtherwise) {
+TEST_P(GroundProgram, StopsAScriptAtTheFirstSurpriseUnlessToldOtherwise) {
   const auto script = var_.path() / "script";
   std::ofstream(script) << "tc eps.switch_load load=2 state=on\n"
                            "expect rejected\n"
@@ -538,7 +564,7 @@ TEST_F(GroundProgram, StopsAScriptAtTheFirstSurpriseUnlessToldOtherwise) {
   EXPECT_THAT(all.output, HasSubstr(R"({"failed":1,"run":2,"steps":2,"type":"script_done"})"));
 }
 
-TEST_F(GroundProgram, SendsNothingOfAScriptWithAnError) {
+TEST_P(GroundProgram, SendsNothingOfAScriptWithAnError) {
   const auto script = var_.path() / "script";
   std::ofstream(script) << "ping\ntc eps.switch_load load=77 state=on\n";
   const Run wrong = run("script " + script.string());
@@ -575,12 +601,13 @@ class Udp {
   Fd fd_;
 };
 
-TEST_F(GroundProgram, BridgesFramesBetweenTheLineAndPlainUdpSockets) {
+TEST_F(ProgramOverPty, BridgesFramesBetweenTheLineAndPlainUdpSockets) {
   auto link = secured_link();
   auto port = Port::open(var_.path() / "rs422", link.baud);
   ASSERT_TRUE(port) << port.error();
   const Udp station;
-  auto bridge = Bridge::open(link, std::move(*port), station.address, *parse_udp_address("0"));
+  auto bridge =
+      Bridge::open(link, std::make_unique<Port>(std::move(*port)), station.address, *parse_udp_address("0"));
   ASSERT_TRUE(bridge) << bridge.error();
   ASSERT_NE(bridge->uplink_address().sin_port, 0);
   const auto down = [&](const Octets& octets) {
@@ -632,14 +659,14 @@ TEST_F(GroundProgram, BridgesFramesBetweenTheLineAndPlainUdpSockets) {
   EXPECT_EQ(to_hex(line), to_hex(cltu) + to_hex(cltu));
 }
 
-TEST_F(GroundProgram, BridgesWithoutALinkKeyAndRefusesAddressesItCannotRead) {
+TEST_P(GroundProgram, BridgesWithoutALinkKeyAndRefusesAddressesItCannotRead) {
   EXPECT_EQ(run("bridge --tm nowhere:1").exit_code, 2);
   EXPECT_EQ(run("bridge --tm 0").exit_code, 2);
   EXPECT_EQ(run("bridge --tc 127.0.0.1:99999").exit_code, 2);
 }
 
 /// A package for payload_eps with counter 7, signed with the test's key pair.
-class PackageInstallation : public GroundProgram {
+class PackageInstallation : public ProgramOverPty {
  protected:
   PackageInstallation() {
     const std::string folder = var_.path().string();
@@ -705,7 +732,7 @@ TEST_F(PackageInstallation, IsRefusedBeforeAnythingGoesUpWhenItWasNotSignedForTh
   EXPECT_FALSE(std::filesystem::exists(var_.path() / "board/files/payload_eps_7.pkg"));
 }
 
-TEST_F(GroundProgram, SaysThatThePortIsBusy) {
+TEST_F(ProgramOverPty, SaysThatThePortIsBusy) {
   const auto held = Port::open(var_.path() / "rs422", 921600);
   ASSERT_TRUE(held) << held.error();
   const Run ping = run("ping");
@@ -713,7 +740,7 @@ TEST_F(GroundProgram, SaysThatThePortIsBusy) {
   EXPECT_THAT(ping.output, HasSubstr("in use by another ground tool"));
 }
 
-TEST_F(GroundProgram, SaysHowToMakeAMissingPort) {
+TEST_F(ProgramOverPty, SaysHowToMakeAMissingPort) {
   std::filesystem::remove(var_.path() / "rs422");
   const Run ping = run("ping");
   EXPECT_EQ(ping.exit_code, 2);

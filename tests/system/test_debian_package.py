@@ -52,6 +52,7 @@ class DebianPackageTest(unittest.TestCase):
             "usr/bin/srfs",
             "usr/bin/srfs-ground",
             "usr/lib/systemd/system/srfs.service",
+            "usr/lib/systemd/user/srfs-ground.service",
             "usr/lib/udev/rules.d/70-srfs.rules",
             "usr/lib/sysctl.d/60-srfs.conf",
             "usr/lib/modules-load.d/srfs.conf",

@@ -40,10 +40,12 @@ class Rule:
     interrupted_s: float = 0  # Ctrl-C after this
     says: str = ""  # pattern that the output must match
     then: str = ""  # command that restores the state
+    stays: bool = False  # runs beside the other lines of its document
 
 
 NOW = ((r"2026-\S+Z --to 2026-\S+Z", lambda: f"{utc(-20)} --to {utc(0)}"),)
 RULES = (
+    Rule(r"srfs-ground serve$", stays=True),
     Rule(r"srfs-ground (listen|files|bridge)$", interrupted_s=2, codes=(0, 130)),
     Rule(r"srfs-ground retrieve", replaced=NOW),
     Rule(r"srfs doctor", replaced=((r"^sudo ", ""),), codes=(0, 1)),  # machines differ
@@ -123,6 +125,19 @@ class DocumentedCommandsTest(SystemTest):
             return f"does not say '{rule.says}': {output[-500:]}"
         return None
 
+    def start_beside(self, line):
+        """Starts a line that runs beside the following ones; its first line of output says that it is ready."""
+        command = f"PATH={BIN}:$PATH; exec {line}"
+        process = subprocess.Popen(["bash", "-c", command], cwd=self.tree, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, text=True)
+        self.assertNotEqual(process.stdout.readline(), "", line)
+        return process
+
+    def end_beside(self, process):
+        process.send_signal(signal.SIGINT)
+        code = process.wait(timeout=10)
+        process.stdout.close()
+        return [] if code == 0 else [f"{process.args}: exit code {code}"]
+
     def as_run(self, line, rule):
         for pattern, text in rule.replaced:
             text = text() if callable(text) else text
@@ -140,11 +155,18 @@ class DocumentedCommandsTest(SystemTest):
         self.assertGreater(len(lines), 90)
         wrong, done, slowest = [], set(), []
         with self.flight():
+            beside, document = None, ""
             for where, line in lines:
+                if beside and document != where.partition(":")[0]:
+                    wrong += self.end_beside(beside)
+                    beside = None
                 rule = next((r for r in RULES if re.search(r.pattern, line)), Rule(""))
-                if rule.skipped or line in done:
+                if rule.skipped or (line, bool(beside)) in done:
                     continue
-                done.add(line)
+                done.add((line, bool(beside)))
+                if rule.stays:
+                    beside, document = self.start_beside(line), where.partition(":")[0]
+                    continue
                 begin = time.monotonic()
                 problem = self.run_line(self.as_run(line, rule), rule)
                 slowest.append((time.monotonic() - begin, line))
@@ -152,6 +174,8 @@ class DocumentedCommandsTest(SystemTest):
                     wrong.append(f"{where}: {line}: {problem}")
                 if rule.then:
                     self.assertIsNone(self.run_line(rule.then, Rule("")), rule.then)
+            if beside:
+                wrong += self.end_beside(beside)
         print(f"{len(done)} lines, {sum(s for s, _ in slowest):.1f} s;", *(f"{s:.1f} s {line};" for s, line in sorted(slowest, reverse=True)[:5]))
         self.assertEqual(wrong, [], "\n".join(wrong))
 

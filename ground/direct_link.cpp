@@ -1,0 +1,257 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
+#include "ground/direct_link.hpp"
+
+#include <algorithm>
+#include <utility>
+
+#include <mission/structures.hpp>
+
+#include "ground/files.hpp"
+#include "wire/space_packet.hpp"
+
+namespace srfs::ground {
+namespace {
+
+constexpr milliseconds line_ahead{20};  ///< of file data in the driver; a telecommand waits no longer
+
+}  // namespace
+
+DirectLink::DirectLink(const mission::Dictionary& dictionary, const suite::LinkSettings& link, Port port,
+                       Uplink uplink, wire::FopSettings fop)
+    : dictionary_(dictionary),
+      port_(std::move(port)),
+      downlink_(link),
+      uplink_(std::move(uplink)),
+      ad_(uplink_.vc(), fop),
+      octet_time_ns_(10e9 / static_cast<double>(link.baud)) {}  // 8N1
+
+void DirectLink::replace_port(Port port) {
+  port_ = std::move(port);
+}
+
+Result<void, std::string> DirectLink::write(OctetView octets) {
+  return port_.write(octets, write_patience);
+}
+
+Result<wire::RequestId, std::string> DirectLink::send(const TelecommandOrder& order) {
+  if (order.ad) {
+    auto made = uplink_.make_packet(order.command);
+    if (!made) return Err(made.error());
+    if (!ad_.request(order.number, std::move(made->packet), monotonic_now()))
+      return Err(std::string("too many telecommands are waiting for the AD service"));
+    return made->request;
+  }
+  const auto telecommand = uplink_.make(order.command, order.keys);
+  if (!telecommand) return Err(telecommand.error());
+  if (const auto written = port_.write(telecommand->cltu, write_patience); !written)
+    return Err(written.error());
+  return telecommand->request;
+}
+
+Result<TelecommandPacket, std::string> DirectLink::make_packet(const mission::EncodedCommand& command) {
+  return uplink_.make_packet(command);
+}
+
+Result<void, std::string> DirectLink::start_ad() {
+  ad_.start(monotonic_now());
+  handle_ad();
+  return {};
+}
+
+void DirectLink::stop_ad() {
+  ad_.stop(monotonic_now());
+  handle_ad();
+}
+
+Result<void, std::string> DirectLink::unlock() {
+  ad_.unlock(monotonic_now());
+  handle_ad();
+  return {};
+}
+
+Result<void, std::string> DirectLink::set_vr(std::uint8_t vr) {
+  ad_.set_vr(vr, monotonic_now());
+  handle_ad();
+  return {};
+}
+
+void DirectLink::handle_ad() {
+  using Kind = AdSignal::Kind;
+  const auto tell = [this](std::uint64_t number, AdProgress progress) {
+    if (output_.ad) output_.ad(number, progress);
+  };
+  while (const auto signal = ad_.next_signal()) {
+    switch (signal->kind) {
+      case Kind::transmit_ad:
+      case Kind::transmit_bc:
+        transmit_ad(*signal);
+        break;
+      case Kind::delivered:
+        tell(signal->tag, AdProgress::delivered);
+        break;
+      case Kind::undelivered:
+        tell(signal->tag, AdProgress::undelivered);
+        break;
+      case Kind::not_sent:
+        tell(signal->tag, AdProgress::not_sent);
+        break;
+      case Kind::changed:
+        if (output_.cop) output_.cop(ad_.report());
+        break;
+    }
+  }
+}
+
+void DirectLink::transmit_ad(const AdSignal& signal) {
+  Result<Octets, std::string> cltu = signal.kind == AdSignal::Kind::transmit_bc
+                                         ? uplink_.make_bc_cltu(signal.control)
+                                         : uplink_.make_ad_cltu(signal.sequence, signal.packet);
+  bool written = false;
+  if (!cltu) {
+    report_problem(cltu.error());
+  } else if (const auto put = port_.write(*cltu, write_patience); !put) {
+    report_problem(put.error());
+  } else {
+    written = true;
+  }
+  if (written && signal.kind == AdSignal::Kind::transmit_ad && output_.ad)
+    output_.ad(signal.tag, AdProgress::transmitted);
+  ad_.on_transmitted(signal.kind, written, monotonic_now());
+}
+
+Result<void, std::string> DirectLink::on_readable() {
+  const auto octets = port_.read();
+  if (!octets) return Err(octets.error());
+  if (octets_) octets_(*octets);
+  const MonotonicTime now = monotonic_now();
+  const auto packets = downlink_.push(*octets);
+  for (const std::uint32_t word : downlink_.take_control_words()) {
+    ad_.on_control_word(word, now);
+    handle_ad();
+  }
+  for (const auto& received : packets) on_packet(received);
+  const auto pdus = downlink_.take_file_pdus();
+  if (files_) {
+    for (const Octets& pdu : pdus) files_->on_pdu(pdu, now);
+    move_files(now);
+  }
+  return {};
+}
+
+void DirectLink::on_packet(const ReceivedPacket& received) {
+  if (received.vc == tm_channel::live && received.packet.service == 3 && received.packet.subtype == 25) {
+    const TelemetryReport report = decode_telemetry(dictionary_, received);
+    if (report.kind == TelemetryKind::beacon) follow_counters(report);
+  }
+  if (output_.packet) output_.packet(received);
+}
+
+void DirectLink::follow_counters(const TelemetryReport& beacon) {
+  const auto number = [&beacon](std::string_view name) -> std::optional<std::uint64_t> {
+    for (const mission::DecodedField& field : beacon.fields) {
+      if (field.name != name) continue;
+      if (const auto* value = std::get_if<std::uint64_t>(&field.value)) return *value;
+    }
+    return std::nullopt;
+  };
+  for (const std::string of : {"bd", "ad"}) {
+    const auto spi = number("sdls_spi." + of);
+    const auto counter = number("sdls_counter." + of);
+    if (!spi || !counter) return;
+    const auto warning = uplink_.on_spacecraft_counter(static_cast<std::uint16_t>(*spi), *counter);
+    if (warning) report_problem(*warning);
+  }
+  const auto spi = static_cast<std::uint16_t>(*number("sdls_spi.bd"));
+  if (const auto set = uplink_.set_of(spi)) select_keys(*set, "the beacon");
+}
+
+void DirectLink::select_keys(suite::AssociationSet set, const std::string& why) {
+  const auto changed = uplink_.select(set);
+  if (!changed) report_problem(changed.error());
+  if (changed && *changed && output_.keys) output_.keys(set, why);
+}
+
+void DirectLink::carry_files(std::unique_ptr<cfdp::TransferFolders> transfer_folders) {
+  files_ = std::move(transfer_folders);
+  files_->scan();
+  files_->on_contact(monotonic_now());
+}
+
+Result<cfdp::TransactionId, std::string> DirectLink::put(const std::filesystem::path& file,
+                                                         const std::string& name, bool resume) {
+  return resume ? put_or_resume(*files_, file, name) : put_file(*files_, file, name);
+}
+
+std::vector<cfdp::Report> DirectLink::transfers() const {
+  return files_ == nullptr ? std::vector<cfdp::Report>{} : files_->entity().transactions();
+}
+
+bool DirectLink::order_transfer(cfdp::TransactionId id, TransferOrder order) {
+  if (files_ == nullptr) return false;
+  const MonotonicTime now = monotonic_now();
+  switch (order) {
+    case TransferOrder::suspend:
+      return files_->entity().suspend(id);
+    case TransferOrder::resume:
+      return files_->entity().resume(id, now);
+    case TransferOrder::cancel:
+      return files_->entity().cancel(id, now);
+  }
+  return false;
+}
+
+void DirectLink::move_files(MonotonicTime now) {
+  if (!files_) return;
+  const std::size_t octets_max = uplink_.packet_octets_max() - wire::packet_header_octets;
+  while (line_free_at_ <= now + line_ahead) {
+    const auto pdu = files_->next_pdu(octets_max, now);
+    if (!pdu || !send_pdu(*pdu)) break;
+  }
+  files_->entity().advance(now);
+  for (const cfdp::News& news : files_->take_news()) {
+    if (output_.file) output_.file(news);
+  }
+}
+
+bool DirectLink::send_pdu(OctetView pdu) {
+  const Octets packet = wire::encode_space_packet({.type = wire::PacketType::telecommand,
+                                                   .apid = wire::cfdp_apid,
+                                                   .sequence_count = file_sequence_count_},
+                                                  pdu);
+  file_sequence_count_ = static_cast<std::uint16_t>((file_sequence_count_ + 1) & 0x3FFF);
+  const auto cltu = uplink_.make_file_cltu(packet);
+  const auto written =
+      cltu ? port_.write(*cltu, write_patience) : Result<void, std::string>(Err(cltu.error()));
+  const MonotonicTime now = monotonic_now();
+  // The PDU is lost, as on the line; not at once the next one too.
+  if (!written) {
+    line_free_at_ = now + seconds(1);
+    report_problem(written.error());
+    return false;
+  }
+  line_free_at_ = std::max(line_free_at_, now) +
+                  nanoseconds(static_cast<std::int64_t>(static_cast<double>(cltu->size()) * octet_time_ns_));
+  return true;
+}
+
+Result<void, std::string> DirectLink::on_time() {
+  const MonotonicTime now = monotonic_now();
+  ad_.on_time(now);
+  handle_ad();
+  move_files(now);
+  return {};
+}
+
+std::optional<MonotonicTime> DirectLink::next_deadline() const {
+  auto deadline = ad_.deadline();
+  if (files_) {
+    if (const auto due = files_->entity().next_due(monotonic_now())) {
+      const MonotonicTime at = std::max(*due, line_free_at_ - line_ahead);
+      if (!deadline || at < *deadline) deadline = at;
+    }
+  }
+  return deadline;
+}
+
+}  // namespace srfs::ground

@@ -1,0 +1,79 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <memory>
+
+#include "ground/link.hpp"
+#include "ground/station_link.hpp"
+#include "ground/telemetry.hpp"
+#include "ground/uplink.hpp"
+
+namespace srfs::ground {
+
+/// The line itself: port, security counters, COP-1 and file transfers of one process.
+class DirectLink final : public StationLink {
+ public:
+  static constexpr milliseconds write_patience{5000};
+
+  DirectLink(const mission::Dictionary& dictionary, const suite::LinkSettings& link, Port port, Uplink uplink,
+             wire::FopSettings fop = {});
+
+  /// From now on files are carried in both directions; they go up at the line's rate, telecommands between
+  /// them. Blocks on the disk, as all that follows.
+  void carry_files(std::unique_ptr<cfdp::TransferFolders> transfer_folders);
+  /// The octets of the line as they come, before anything is decoded.
+  void set_octets_output(std::function<void(OctetView)> octets) { octets_ = std::move(octets); }
+  /// Octets for the line as they are. Blocks until they are written.
+  [[nodiscard]] Result<void, std::string> write(OctetView octets);
+  /// The line was closed and is there again.
+  void replace_port(Port port);
+  [[nodiscard]] suite::AssociationSet key_set() const { return uplink_.key_set(); }
+
+  [[nodiscard]] Result<wire::RequestId, std::string> send(const TelecommandOrder& order) override;
+  [[nodiscard]] Result<TelecommandPacket, std::string> make_packet(
+      const mission::EncodedCommand& command) override;
+  void settle() override { handle_ad(); }
+  [[nodiscard]] Result<void, std::string> start_ad() override;
+  void stop_ad() override;
+  [[nodiscard]] Result<void, std::string> unlock() override;
+  [[nodiscard]] Result<void, std::string> set_vr(std::uint8_t vr) override;
+  [[nodiscard]] CopReport cop() const override { return ad_.report(); }
+  void select_keys(suite::AssociationSet set, const std::string& why) override;
+  [[nodiscard]] std::uint8_t vc() const override { return uplink_.vc(); }
+  [[nodiscard]] bool carries_files() const override { return files_ != nullptr; }
+  [[nodiscard]] Result<cfdp::TransactionId, std::string> put(const std::filesystem::path& file,
+                                                             const std::string& name, bool resume) override;
+  [[nodiscard]] std::vector<cfdp::Report> transfers() const override;
+  [[nodiscard]] bool order_transfer(cfdp::TransactionId id, TransferOrder order) override;
+  [[nodiscard]] int fd() const override { return port_.fd(); }
+  [[nodiscard]] Result<void, std::string> on_readable() override;
+  [[nodiscard]] Result<void, std::string> on_time() override;
+  [[nodiscard]] std::optional<MonotonicTime> next_deadline() const override;
+  [[nodiscard]] DownlinkCounters counters() const override { return downlink_.counters(); }
+  [[nodiscard]] bool locked() const override { return downlink_.locked(); }
+  [[nodiscard]] std::optional<std::uint32_t> clcw() const override { return downlink_.clcw(); }
+  [[nodiscard]] std::uint64_t telecommands_sent() const override { return uplink_.sent(); }
+
+ private:
+  void handle_ad();
+  void transmit_ad(const AdSignal& signal);
+  void on_packet(const ReceivedPacket& received);
+  /// The spacecraft reports its associations in the beacon.
+  void follow_counters(const TelemetryReport& beacon);
+  void move_files(MonotonicTime now);
+  [[nodiscard]] bool send_pdu(OctetView pdu);
+
+  const mission::Dictionary& dictionary_;
+  Port port_;
+  Downlink downlink_;
+  Uplink uplink_;
+  AdService ad_;
+  std::unique_ptr<cfdp::TransferFolders> files_;
+  double octet_time_ns_;
+  MonotonicTime line_free_at_;  ///< of file data; a pty would take it at any rate
+  std::uint16_t file_sequence_count_ = 0;
+  std::function<void(OctetView)> octets_;
+};
+
+}  // namespace srfs::ground

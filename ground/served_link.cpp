@@ -1,0 +1,336 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
+#include "ground/served_link.hpp"
+
+#include <algorithm>
+#include <stdexcept>
+#include <utility>
+
+#include <fmt/format.h>
+#include <poll.h>
+
+#include "ground/files.hpp"
+#include "ground/local_socket.hpp"
+#include "ground/uplink.hpp"
+
+namespace srfs::ground {
+namespace {
+
+constexpr milliseconds seek_period{100};
+constexpr std::size_t messages_a_turn = 256;
+
+nlohmann::json described(const mission::EncodedCommand& command) {
+  return {{"name", command.command->name},
+          {"apid", command.command->apid},
+          {"service", command.command->service},
+          {"subtype", command.command->subtype},
+          {"data", to_hex(command.data)}};
+}
+
+/// A message of the server, or nullopt: it is none.
+std::optional<nlohmann::json> parse(const std::string& text) {
+  auto json = nlohmann::json::parse(text, nullptr, false);
+  return json.is_object() && json.contains("type") ? std::optional(std::move(json)) : std::nullopt;
+}
+
+std::string text(const nlohmann::json& message, const char* name) {
+  return message.contains(name) && message[name].is_string() ? message[name].get<std::string>() : "";
+}
+
+}  // namespace
+
+Result<std::optional<ServerConnection>, std::string> ServerConnection::open(
+    const std::filesystem::path& socket, Hello hello) {
+  ServerConnection connection(socket, std::move(hello));
+  const auto connected = connection.connect();
+  if (!connected) return Err(connected.error());
+  if (!*connected) return std::optional<ServerConnection>();
+  return std::optional<ServerConnection>(std::move(connection));
+}
+
+Result<bool, std::string> ServerConnection::connect() {
+  auto socket = connect_to(path_);
+  if (!socket) return Err(socket.error());
+  if (!*socket) return false;
+  socket_ = std::move(**socket);
+  nlohmann::json hello{{"type", "hello"},
+                       {"protocol", serve::protocol},
+                       {"verb", hello_.verb},
+                       {"files", hello_.files},
+                       {"octets", hello_.octets}};
+  if (hello_.keys) hello["keys"] = to_text(*hello_.keys);
+  const MonotonicTime deadline = monotonic_now() + reply_patience;
+  if (send_message(socket_.get(), serve::text_of(hello)) == SendResult::sent) {
+    if (auto welcome = receive(deadline)) {
+      if ((*welcome)["type"] == "refused") return Err(text(*welcome, "message"));
+      welcome_ = std::move(*welcome);
+      return true;
+    }
+  }
+  socket_.reset();
+  if (monotonic_now() >= deadline)
+    return Err(fmt::format("{}: the server does not answer; end it and start it again", path_.string()));
+  return false;
+}
+
+std::optional<nlohmann::json> ServerConnection::receive(MonotonicTime deadline) {
+  while (socket_) {
+    auto received = receive_message(socket_.get(), serve::message_octets_max);
+    if (const auto* message = std::get_if<std::string>(&received)) {
+      if (auto json = parse(*message)) return json;
+      continue;
+    }
+    if (!std::holds_alternative<NoMessage>(received)) return std::nullopt;
+    const auto left = std::chrono::ceil<milliseconds>(deadline - monotonic_now()).count();
+    if (left <= 0) return std::nullopt;
+    pollfd wait{socket_.get(), POLLIN, 0};
+    static_cast<void>(::poll(&wait, 1, static_cast<int>(left)));
+  }
+  return std::nullopt;
+}
+
+void ServerConnection::lose(MonotonicTime now) {
+  if (!socket_) return;
+  socket_.reset();
+  lost_ = now;
+  next_seek_ = now;
+}
+
+std::vector<nlohmann::json> ServerConnection::take_messages() {
+  std::vector<nlohmann::json> messages;
+  while (!pending_.empty()) {
+    messages.push_back(std::move(pending_.front()));
+    pending_.pop_front();
+  }
+  while (socket_ && messages.size() < messages_a_turn) {
+    auto received = receive_message(socket_.get(), serve::message_octets_max);
+    if (std::holds_alternative<NoMessage>(received)) break;
+    const auto* message = std::get_if<std::string>(&received);
+    if (message == nullptr) {
+      lose(monotonic_now());
+      break;
+    }
+    if (auto json = parse(*message)) messages.push_back(std::move(*json));
+  }
+  return messages;
+}
+
+Result<nlohmann::json, ServerConnection::Failure> ServerConnection::call(nlohmann::json message) {
+  const MonotonicTime deadline = monotonic_now() + reply_patience;
+  while (!socket_ && monotonic_now() < deadline) {
+    if (const auto sought = seek(monotonic_now()); !sought)
+      return Err(Failure{CallError::refused, sought.error()});
+    if (!socket_) static_cast<void>(::poll(nullptr, 0, static_cast<int>(seek_period.count())));
+  }
+  if (!socket_) return Err(Failure{CallError::refused, "the server has ended, and no other is there"});
+  const std::uint64_t number = next_call_++;
+  message["call"] = number;
+  if (send_message(socket_.get(), serve::text_of(message)) != SendResult::sent) {
+    lose(monotonic_now());
+    return Err(Failure{CallError::unknown, "the server ended"});
+  }
+  while (auto received = receive(monotonic_now() + reply_patience)) {
+    if ((*received)["type"] != "reply" || !received->contains("call") || (*received)["call"] != number) {
+      if (pending_.size() < pending_max) pending_.push_back(std::move(*received));
+      continue;
+    }
+    if (received->contains("error")) return Err(Failure{CallError::refused, text(*received, "error")});
+    return std::move(*received);
+  }
+  lose(monotonic_now());
+  return Err(Failure{CallError::unknown, "the server ended before it answered"});
+}
+
+Result<void, std::string> ServerConnection::seek(MonotonicTime now) {
+  if (socket_ || now < next_seek_) return {};
+  next_seek_ = now + seek_period;
+  const auto connected = connect();
+  if (!connected) return Err(connected.error());
+  if (*connected) {
+    found_ = true;
+    return {};
+  }
+  if (now - lost_ < server_patience) return {};
+  return Err(fmt::format("the server at {} has ended, and none came back for {} s", path_.string(),
+                         server_patience / seconds(1)));
+}
+
+std::optional<MonotonicTime> ServerConnection::next_seek() const {
+  return socket_ ? std::nullopt : std::optional(next_seek_);
+}
+
+ServedLink::ServedLink(ServerConnection connection, bool files)
+    : connection_(std::move(connection)), files_(files) {
+  const nlohmann::json& welcome = connection_.welcome();
+  try {
+    take_state(welcome);
+    vc_ = welcome.at("vc").get<std::uint8_t>();
+    cop_ = serve::cop_of(welcome.at("cop"));
+    transfers_ = serve::transfers_of(welcome.at("transfers"));
+  } catch (const std::exception&) {
+    // a server of this protocol says all of it; what is missing stays as it is
+  }
+}
+
+Result<wire::RequestId, std::string> ServedLink::send(const TelecommandOrder& order) {
+  nlohmann::json message = described(order.command);
+  message["type"] = "send";
+  message["arguments"] = order.arguments;
+  message["number"] = order.number;
+  message["ad"] = order.ad;
+  if (order.ad) in_ad_.insert(order.number);
+  const auto reply = connection_.call(std::move(message));
+  if (reply) return serve::request_of(reply->at("request"));
+  in_ad_.erase(order.number);
+  if (reply.error().error == ServerConnection::CallError::refused) return Err(reply.error().text);
+  return Err(fmt::format("{}: {}; it is not known whether it was sent", order.command.command->name,
+                         reply.error().text));
+}
+
+Result<TelecommandPacket, std::string> ServedLink::make_packet(const mission::EncodedCommand& command) {
+  nlohmann::json message = described(command);
+  message["type"] = "packet";
+  const auto reply = connection_.call(std::move(message));
+  if (!reply) return Err(reply.error().text);
+  return TelecommandPacket{serve::request_of(reply->at("request")), serve::octets_of(reply->at("packet"))};
+}
+
+Result<void, std::string> ServedLink::order_ad(nlohmann::json message) {
+  const auto reply = connection_.call(std::move(message));
+  if (!reply) return Err(reply.error().text);
+  return take_messages();
+}
+
+void ServedLink::stop_ad() {
+  if (const auto stopped = order_ad({{"type", "stop_ad"}}); !stopped) report_problem(stopped.error());
+}
+
+void ServedLink::select_keys(suite::AssociationSet set, const std::string& why) {
+  const auto reply = connection_.call({{"type", "select_keys"}, {"keys", to_text(set)}, {"why", why}});
+  if (!reply) report_problem(reply.error().text);
+}
+
+Result<cfdp::TransactionId, std::string> ServedLink::put(const std::filesystem::path& file,
+                                                         const std::string& name, bool resume) {
+  std::error_code error;
+  const auto absolute = std::filesystem::absolute(file, error);
+  const auto reply =
+      connection_.call({{"type", "put"}, {"file", absolute.string()}, {"name", name}, {"resume", resume}});
+  if (!reply) return Err(reply.error().text);
+  transfers_ = serve::transfers_of(reply->at("transfers"));
+  const auto id = parse_transaction(reply->at("id").get<std::string>());
+  if (!id) return Err(std::string("the server gave no id of the transfer"));
+  return *id;
+}
+
+bool ServedLink::order_transfer(cfdp::TransactionId id, TransferOrder order) {
+  const char* const type = order == TransferOrder::suspend  ? "suspend"
+                           : order == TransferOrder::resume ? "resume"
+                                                            : "cancel";
+  const auto reply = connection_.call({{"type", type}, {"id", to_text(id)}});
+  if (!reply) {
+    report_problem(reply.error().text);
+    return true;  // whether there is such a transfer is not known
+  }
+  transfers_ = serve::transfers_of(reply->at("transfers"));
+  return reply->at("known").get<bool>();
+}
+
+Result<void, std::string> ServedLink::on_readable() {
+  return take_messages();
+}
+
+Result<void, std::string> ServedLink::take_messages() {
+  for (const nlohmann::json& message : connection_.take_messages()) {
+    try {
+      if (const auto taken = take(message); !taken) return taken;
+    } catch (const nlohmann::json::exception& error) {
+      report_problem(std::string("a message of the server cannot be read: ") + error.what());
+    } catch (const std::invalid_argument& error) {
+      report_problem(std::string("a message of the server cannot be read: ") + error.what());
+    }
+  }
+  return {};
+}
+
+Result<void, std::string> ServedLink::take(const nlohmann::json& message) {
+  const auto type = message.at("type").get<std::string>();
+  if (type == "packet" && output_.packet) output_.packet(serve::packet_of(message));
+  if (type == "state") take_state(message);
+  if (type == "cop") take_cop(serve::cop_of(message));
+  if (type == "transfers") transfers_ = serve::transfers_of(message.at("transfers"));
+  if (type == "file" && output_.file) output_.file(serve::news_of(message));
+  if (type == "problem") report_problem(message.at("message").get<std::string>());
+  if (type == "keys" && output_.keys) {
+    const auto set = key_set_of(message.at("keys").get<std::string>());
+    if (set) output_.keys(*set, message.at("why").get<std::string>());
+  }
+  if (type == "ad") {
+    const auto number = message.at("number").get<std::uint64_t>();
+    const AdProgress progress = serve::ad_progress_of(message);
+    if (progress != AdProgress::transmitted) in_ad_.erase(number);
+    if (output_.ad) output_.ad(number, progress);
+  }
+  if (type == "line_closed") return Err(message.at("message").get<std::string>());
+  return {};
+}
+
+void ServedLink::take_state(const nlohmann::json& message) {
+  counters_ = serve::counters_of(message.at("counters"));
+  locked_ = message.at("locked").get<bool>();
+  clcw_.reset();
+  if (!message.at("clcw").is_null()) clcw_ = message.at("clcw").get<std::uint32_t>();
+  sent_ = message.at("sent").get<std::uint64_t>();
+}
+
+void ServedLink::take_cop(const CopReport& report) {
+  const bool news = serve::to_message(report) != serve::to_message(cop_);
+  cop_ = report;
+  if (news && output_.cop) output_.cop(report);
+}
+
+Result<void, std::string> ServedLink::on_time() {
+  if (connection_.has_pending()) {
+    if (const auto taken = take_messages(); !taken) return taken;
+  }
+  if (const auto sought = connection_.seek(monotonic_now()); !sought) return sought;
+  if (connection_.take_found()) resume_with_server();
+  return {};
+}
+
+/// The telecommands in the hands of its AD service went with the server that ended.
+void ServedLink::resume_with_server() {
+  if (output_.note) output_.note("the server ended; connected to the next one");
+  for (const std::uint64_t number : std::exchange(in_ad_, {})) {
+    if (output_.ad) output_.ad(number, AdProgress::unknown);
+  }
+  if (cop_.phase == AdPhase::off) return;
+  cop_ = {};
+  if (const auto started = start_ad(); !started) report_problem(started.error());
+}
+
+std::optional<MonotonicTime> ServedLink::next_deadline() const {
+  if (connection_.has_pending()) return monotonic_now();
+  return connection_.next_seek();
+}
+
+Result<Octets, std::string> ServedLine::read() {
+  if (const auto sought = connection_.seek(monotonic_now()); !sought) return Err(sought.error());
+  Octets octets;
+  for (const nlohmann::json& message : connection_.take_messages()) {
+    if (message["type"] == "line_closed") return Err(text(message, "message"));
+    if (message["type"] != "octets") continue;
+    const auto more = from_hex(text(message, "octets"));
+    if (more) octets.insert(octets.end(), more->begin(), more->end());
+  }
+  return octets;
+}
+
+Result<void, std::string> ServedLine::write(OctetView octets, milliseconds patience) {
+  static_cast<void>(patience);  // the server's
+  const auto reply = connection_.call({{"type", "write"}, {"octets", to_hex(octets)}});
+  if (!reply) return Err(reply.error().text);
+  return {};
+}
+
+}  // namespace srfs::ground

@@ -1,0 +1,150 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <deque>
+#include <filesystem>
+#include <memory>
+#include <optional>
+#include <set>
+#include <string>
+
+#include <nlohmann/json.hpp>
+
+#include "base/fd.hpp"
+#include "ground/link.hpp"
+#include "ground/serve_messages.hpp"
+#include "ground/station_link.hpp"
+
+namespace srfs::ground {
+
+/// One client's connection to `srfs-ground serve`: messages there and back, and calls that wait for their
+/// reply. When the server ends, it is looked for again.
+class ServerConnection {
+ public:
+  static constexpr milliseconds reply_patience{10'000};
+  static constexpr milliseconds server_patience{30'000};  ///< for another server, when one has ended
+  static constexpr std::size_t pending_max = 65'536;      ///< messages that came while a call waited
+
+  struct Hello {
+    std::string verb;
+    bool files = false;   ///< news of file transfers, and problems, are wanted
+    bool octets = false;  ///< the octets of the line instead of packets
+    std::optional<suite::AssociationSet> keys = {};
+  };
+
+  /// nullopt: no server listens at @p socket. The error is ready to print.
+  [[nodiscard]] static Result<std::optional<ServerConnection>, std::string> open(
+      const std::filesystem::path& socket, Hello hello);
+
+  /// -1: there is no server now.
+  [[nodiscard]] int fd() const { return socket_.get(); }
+  [[nodiscard]] const nlohmann::json& welcome() const { return welcome_; }
+  /// Messages that are there, oldest first, at most some. After the server's end: none.
+  [[nodiscard]] std::vector<nlohmann::json> take_messages();
+  [[nodiscard]] bool has_pending() const { return !pending_.empty(); }
+
+  enum class CallError : std::uint8_t {
+    unknown,  ///< the server ended: whether it did what was asked is not known
+    refused,  ///< the text says why
+  };
+  struct Failure {
+    CallError error;
+    std::string text;  ///< ready to print
+  };
+  /// Waits for the reply, and for a server if there is none, but not longer than reply_patience each.
+  [[nodiscard]] Result<nlohmann::json, Failure> call(nlohmann::json message);
+
+  /// Looks for a server again, if there is none. @return an error when that has taken too long
+  [[nodiscard]] Result<void, std::string> seek(MonotonicTime now);
+  /// When seek() has something to do. nullopt: there is a server.
+  [[nodiscard]] std::optional<MonotonicTime> next_seek() const;
+  /// Another server was found since the last call.
+  [[nodiscard]] bool take_found() { return std::exchange(found_, false); }
+
+ private:
+  ServerConnection(std::filesystem::path path, Hello hello)
+      : path_(std::move(path)), hello_(std::move(hello)) {}
+  /// @return false: no server. The error: it refuses this client
+  [[nodiscard]] Result<bool, std::string> connect();
+  [[nodiscard]] std::optional<nlohmann::json> receive(MonotonicTime deadline);
+  void lose(MonotonicTime now);
+
+  std::filesystem::path path_;
+  Hello hello_;
+  Fd socket_;
+  nlohmann::json welcome_;
+  std::deque<nlohmann::json> pending_;
+  std::uint64_t next_call_ = 1;
+  MonotonicTime lost_;
+  MonotonicTime next_seek_;
+  bool found_ = false;
+};
+
+/// The link of a client of `srfs-ground serve`.
+class ServedLink final : public StationLink {
+ public:
+  /// @param files  whether files are carried for this user
+  ServedLink(ServerConnection connection, bool files);
+
+  [[nodiscard]] Result<wire::RequestId, std::string> send(const TelecommandOrder& order) override;
+  [[nodiscard]] Result<TelecommandPacket, std::string> make_packet(
+      const mission::EncodedCommand& command) override;
+  void settle() override {}
+  [[nodiscard]] Result<void, std::string> start_ad() override { return order_ad({{"type", "start_ad"}}); }
+  void stop_ad() override;
+  [[nodiscard]] Result<void, std::string> unlock() override { return order_ad({{"type", "unlock"}}); }
+  [[nodiscard]] Result<void, std::string> set_vr(std::uint8_t vr) override {
+    return order_ad({{"type", "set_vr"}, {"vr", vr}});
+  }
+  [[nodiscard]] CopReport cop() const override { return cop_; }
+  void select_keys(suite::AssociationSet set, const std::string& why) override;
+  [[nodiscard]] std::uint8_t vc() const override { return vc_; }
+  [[nodiscard]] bool carries_files() const override { return files_; }
+  [[nodiscard]] Result<cfdp::TransactionId, std::string> put(const std::filesystem::path& file,
+                                                             const std::string& name, bool resume) override;
+  [[nodiscard]] std::vector<cfdp::Report> transfers() const override { return transfers_; }
+  [[nodiscard]] bool order_transfer(cfdp::TransactionId id, TransferOrder order) override;
+  [[nodiscard]] int fd() const override { return connection_.fd(); }
+  [[nodiscard]] Result<void, std::string> on_readable() override;
+  [[nodiscard]] Result<void, std::string> on_time() override;
+  [[nodiscard]] std::optional<MonotonicTime> next_deadline() const override;
+  [[nodiscard]] DownlinkCounters counters() const override { return counters_; }
+  [[nodiscard]] bool locked() const override { return locked_; }
+  [[nodiscard]] std::optional<std::uint32_t> clcw() const override { return clcw_; }
+  [[nodiscard]] std::uint64_t telecommands_sent() const override { return sent_; }
+
+ private:
+  [[nodiscard]] Result<void, std::string> order_ad(nlohmann::json message);
+  /// @return an error when the line was closed
+  [[nodiscard]] Result<void, std::string> take_messages();
+  [[nodiscard]] Result<void, std::string> take(const nlohmann::json& message);
+  void take_state(const nlohmann::json& message);
+  void take_cop(const CopReport& report);
+  void resume_with_server();
+
+  ServerConnection connection_;
+  bool files_;
+  std::uint8_t vc_ = 0;
+  CopReport cop_;
+  DownlinkCounters counters_;
+  bool locked_ = false;
+  std::optional<std::uint32_t> clcw_;
+  std::uint64_t sent_ = 0;
+  std::vector<cfdp::Report> transfers_;
+  std::set<std::uint64_t> in_ad_;  ///< numbers in the hands of the AD service
+};
+
+/// The octets of the line through the server, for programs that forward frames.
+class ServedLine final : public OctetLine {
+ public:
+  explicit ServedLine(ServerConnection connection) : connection_(std::move(connection)) {}
+  [[nodiscard]] int fd() const override { return connection_.fd(); }
+  [[nodiscard]] Result<Octets, std::string> read() override;
+  [[nodiscard]] Result<void, std::string> write(OctetView octets, milliseconds patience) override;
+
+ private:
+  ServerConnection connection_;
+};
+
+}  // namespace srfs::ground

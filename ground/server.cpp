@@ -1,0 +1,157 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
+#include "ground/server.hpp"
+
+#include <algorithm>
+#include <cerrno>
+#include <cstdio>
+#include <utility>
+#include <vector>
+
+#include <fcntl.h>
+#include <fmt/format.h>
+#include <poll.h>
+#include <sys/file.h>
+#include <unistd.h>
+
+#include "base/signals.hpp"
+#include "ground/local_socket.hpp"
+
+namespace srfs::ground {
+namespace {
+
+constexpr seconds opening_period{1};
+constexpr int reads_a_turn = 32;  ///< of one client, before the others have theirs
+
+void log_line(const std::string& text) {
+  std::fprintf(stderr, "srfs-ground serve: %s\n", text.c_str());
+}
+
+}  // namespace
+
+Result<Fd, std::string> lock_state(const std::filesystem::path& state_dir) {
+  std::error_code error;
+  std::filesystem::create_directories(state_dir, error);
+  const auto file = state_dir / "serve.lock";
+  constexpr mode_t owner_alone = 0600;
+  Fd lock(::open(file.c_str(), O_RDWR | O_CREAT | O_CLOEXEC, owner_alone));
+  if (!lock) return Err(fmt::format("{}: cannot open: {}", file.string(), errno_text(errno)));
+  if (::flock(lock.get(), LOCK_EX | LOCK_NB) != 0)
+    return Err(fmt::format("{}: another srfs-ground serve uses this folder; end it first", file.string()));
+  return lock;
+}
+
+Result<Server, std::string> Server::open(const std::filesystem::path& state_dir) {
+  auto lock = lock_state(state_dir);
+  if (!lock) return Err(lock.error());
+  const auto socket = state_dir / serve::socket_name;
+  auto listener = listen_at(socket);
+  if (!listener) return Err(listener.error());
+  return Server(socket, std::move(*lock), std::move(*listener));
+}
+
+void Server::open_line(DirectLink& link, const OpenPort& open_port, MonotonicTime now) {
+  if (link.fd() >= 0 || now < next_opening_) return;
+  next_opening_ = now + opening_period;
+  auto port = open_port();
+  if (!port) {
+    if (std::exchange(told_problem_, port.error()) != port.error())
+      log_line(port.error() + "; trying again every second");
+    return;
+  }
+  told_problem_.clear();
+  link.replace_port(std::move(*port));
+  log_line("the line is open");
+}
+
+void Server::run(DirectLink& link, const OpenPort& open_port, const wire::FopSettings& fop) {
+  const Fd signals = termination_signals();
+  ignore_broken_pipes();
+  ClientHub hub(link, {.write = [&link](OctetView octets) { return link.write(octets); },
+                       .log = [](const std::string& text) { log_line(text); },
+                       .fop = fop});
+  link.set_octets_output([&hub](OctetView octets) { hub.on_octets(octets); });
+  while (!ended_) {
+    open_line(link, open_port, monotonic_now());
+    wait(link, hub, signals.get());
+    static_cast<void>(link.on_time());
+    hub.on_time(monotonic_now());
+    std::vector<ClientHub::ClientId> gone;
+    for (const auto& [client, socket] : sockets_) {
+      if (!write_to(hub, client)) gone.push_back(client);
+    }
+    for (const ClientHub::ClientId client : hub.take_closing()) gone.push_back(client);
+    for (const ClientHub::ClientId client : gone) drop(hub, client);
+  }
+}
+
+void Server::wait(DirectLink& link, ClientHub& hub, int signals) {
+  std::vector<pollfd> fds{{link.fd(), POLLIN, 0}, {listener_.get(), POLLIN, 0}, {signals, POLLIN, 0}};
+  std::vector<ClientHub::ClientId> clients;
+  for (const auto& [client, socket] : sockets_) {
+    const bool writes = hub.front(client) != nullptr;
+    fds.push_back({socket.get(), static_cast<short>(writes ? POLLIN | POLLOUT : POLLIN), 0});
+    clients.push_back(client);
+  }
+  MonotonicTime wake = monotonic_now() + ClientHub::state_period;
+  if (const auto next = link.next_deadline(); next && *next < wake) wake = *next;
+  const auto left = std::chrono::ceil<milliseconds>(wake - monotonic_now()).count();
+  if (::poll(fds.data(), fds.size(), static_cast<int>(std::clamp<std::int64_t>(left, 0, 1000))) <= 0) return;
+  if (fds[2].revents != 0) ended_ = true;
+  if (fds[0].revents != 0) {
+    if (const auto read = link.on_readable(); !read) {
+      log_line(read.error());
+      link.replace_port(Port::closed("the line"));
+      hub.on_line_closed(read.error());
+    }
+  }
+  for (std::size_t i = 0; i < clients.size(); ++i) {
+    if ((fds[i + 3].revents & (POLLIN | POLLHUP | POLLERR)) != 0) read_from(hub, clients[i]);
+  }
+  if (fds[1].revents != 0) accept_clients(hub);
+}
+
+void Server::accept_clients(ClientHub& hub) {
+  while (Fd socket = accept_from(listener_.get())) {
+    const auto peer = peer_of(socket.get());
+    if (!peer || (peer->uid != ::geteuid() && peer->uid != 0)) {
+      log_line(fmt::format("a client of user {} was refused", peer ? peer->uid : 0));
+      continue;
+    }
+    const auto client = hub.on_connect(fmt::format("pid {} of user {}", peer->pid, peer->uid));
+    if (client) sockets_[*client] = std::move(socket);
+  }
+}
+
+void Server::read_from(ClientHub& hub, ClientHub::ClientId client) {
+  const int socket = sockets_.at(client).get();
+  for (int turn = 0; turn < reads_a_turn; ++turn) {
+    const auto received = receive_message(socket, serve::message_octets_max);
+    if (std::holds_alternative<NoMessage>(received)) return;
+    if (const auto* message = std::get_if<std::string>(&received)) {
+      hub.on_message(client, *message);
+      continue;
+    }
+    if (std::holds_alternative<TooLong>(received)) log_line("a client sent a message that is too long");
+    drop(hub, client);
+    return;
+  }
+}
+
+bool Server::write_to(ClientHub& hub, ClientHub::ClientId client) {
+  const int socket = sockets_.at(client).get();
+  while (const auto message = hub.front(client)) {
+    const SendResult result = send_message(socket, *message);
+    if (result == SendResult::closed) return false;
+    if (result == SendResult::full) return true;
+    hub.pop(client);
+  }
+  return true;
+}
+
+void Server::drop(ClientHub& hub, ClientHub::ClientId client) {
+  hub.on_disconnect(client);
+  sockets_.erase(client);
+}
+
+}  // namespace srfs::ground

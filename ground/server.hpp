@@ -1,0 +1,56 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <filesystem>
+#include <functional>
+#include <map>
+#include <string>
+
+#include "base/fd.hpp"
+#include "ground/client_hub.hpp"
+#include "ground/direct_link.hpp"
+
+namespace srfs::ground {
+
+/// The sockets and the loop of `srfs-ground serve`: one line, many clients, until SIGINT or SIGTERM. A line
+/// that is closed is opened again as soon as it is there. Logs to standard error.
+class Server {
+ public:
+  using OpenPort = std::function<Result<Port, std::string>()>;
+
+  /// Takes STATE for this process and listens at STATE/serve.sock. The error is ready to print.
+  [[nodiscard]] static Result<Server, std::string> open(const std::filesystem::path& state_dir);
+
+  /// Serves until a signal.
+  /// @param link  its port may be closed
+  /// @param fop  of the link's AD service
+  void run(DirectLink& link, const OpenPort& open_port, const wire::FopSettings& fop);
+
+  [[nodiscard]] const std::filesystem::path& socket() const { return socket_; }
+
+ private:
+  Server(std::filesystem::path socket, Fd lock, Fd listener)
+      : socket_(std::move(socket)), lock_(std::move(lock)), listener_(std::move(listener)) {}
+  void open_line(DirectLink& link, const OpenPort& open_port, MonotonicTime now);
+  void accept_clients(ClientHub& hub);
+  void read_from(ClientHub& hub, ClientHub::ClientId client);
+  /// What the socket takes. @return false: it is closed
+  [[nodiscard]] bool write_to(ClientHub& hub, ClientHub::ClientId client);
+  void drop(ClientHub& hub, ClientHub::ClientId client);
+  void wait(DirectLink& link, ClientHub& hub, int signals);
+
+  std::filesystem::path socket_;
+  Fd lock_;
+  Fd listener_;
+  std::map<ClientHub::ClientId, Fd> sockets_;
+  MonotonicTime next_opening_;
+  std::string told_problem_;
+  bool ended_ = false;
+};
+
+/// Takes STATE for a process that owns the line; held until the descriptor is closed. The error is ready to
+/// print.
+[[nodiscard]] Result<Fd, std::string> lock_state(const std::filesystem::path& state_dir);
+
+}  // namespace srfs::ground

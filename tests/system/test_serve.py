@@ -1,0 +1,164 @@
+# SPDX-FileCopyrightText: 2026 SRFS contributors
+# SPDX-License-Identifier: Apache-2.0
+"""`srfs-ground serve`: many tools at once on one line, and a server that is killed while they work."""
+
+import contextlib
+import json
+import os
+import random
+import signal
+import socket
+import subprocess
+import threading
+import time
+import unittest
+
+from support import BIN, DEADLINE_S, SystemTest
+
+from srfs.flight.processes import wait_until
+
+
+class Server:
+    """`srfs-ground serve`, started again after each kill()."""
+
+    def __init__(self, var):
+        self.var = var
+        self.process = None
+        self.start()
+
+    def start(self):
+        command = [str(BIN / "srfs-ground"), "--port", str(self.var / "rs422"), "serve"]
+        self.process = subprocess.Popen(command, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, text=True)
+        line = self.process.stdout.readline()
+        assert line.startswith("serving"), line
+
+    def kill(self):
+        self.process.kill()
+        self.process.wait()
+        self.process.stdout.close()
+
+    def end(self):
+        self.process.terminate()
+        self.process.wait(timeout=DEADLINE_S)
+        self.process.stdout.close()
+        return self.process.returncode
+
+
+class ServeTest(SystemTest):
+    @contextlib.contextmanager
+    def served_flight(self):
+        with self.flight() as flight:
+            server = Server(self.var)
+            try:
+                yield flight, server
+            finally:
+                self.assertEqual(server.end(), 0)
+
+    def program(self, *words, **options):
+        command = [str(BIN / "srfs-ground"), "--port", str(self.var / "rs422"), *words]
+        return subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, **{"stdin": subprocess.DEVNULL, **options})
+
+    def counters(self):
+        return json.loads((self.var / "ground/uplink.json").read_text())["next_security_counters"]
+
+    def test_five_tools_share_the_line_and_none_disturbs_another(self):
+        with self.served_flight():
+            content = random.Random(1).randbytes(60_000)
+            source = self.folder / "up.bin"
+            source.write_bytes(content)
+            listening = self.program("--json", "listen")
+            putting = self.program("put", str(source))
+            session = self.program("session", stdin=subprocess.PIPE)
+            session.stdin.write("ad on\n" + "tc eps.switch_load load=2 state=on\n" * 10)
+            session.stdin.close()
+            script = self.folder / "pass.txt"
+            script.write_text("ad on\n" + "tc eps.switch_load load=1 state=on\nping\n" * 5)
+            scripted = self.program("script", str(script))
+            pings = [self.ground_run("ping", "--timeout", "30") for _ in range(5)]
+
+            self.assertEqual([p.returncode for p in pings], [0] * 5, [p.stderr for p in pings])
+            self.assertEqual(scripted.wait(DEADLINE_S), 0, scripted.stdout.read())
+            self.assertEqual(session.wait(DEADLINE_S), 0)
+            stages = [json.loads(line) for line in session.stdout.read().splitlines()]
+            completed = [s["id"] for s in stages if s["type"] == "tc_stage" and s["stage"] == "completed"]
+            self.assertEqual(len(completed), 10)
+            self.assertEqual(completed, sorted(completed), "the AD service keeps the order")
+            self.assertEqual(putting.wait(2 * DEADLINE_S), 0, putting.stderr.read())
+            self.assertEqual((self.var / "files/up.bin").read_bytes(), content)
+            self.assertIsNone(listening.poll(), "it still listens")
+            listening.send_signal(signal.SIGINT)
+            shown, _ = listening.communicate(timeout=DEADLINE_S)
+            self.assertEqual(listening.returncode, 0)
+            kinds = {json.loads(line)["type"] for line in shown.splitlines()}
+            self.assertIn("tm_packet", kinds)
+            self.assertNotIn("tc_stage", kinds, "what others command is not its matter")
+            for process in (listening, putting, session, scripted):
+                for pipe in (process.stdout, process.stderr):
+                    pipe.close()
+
+    def test_the_socket_is_the_users_alone_and_rubbish_harms_nobody(self):
+        with self.served_flight():
+            path = self.var / "ground/serve.sock"
+            self.assertEqual(path.stat().st_mode & 0o777, 0o600)
+            second = self.ground_run("serve")
+            self.assertEqual(second.returncode, 2)
+            self.assertIn("another srfs-ground serve", second.stderr)
+            rubbish = random.Random(2)
+            for _ in range(50):
+                client = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+                client.connect(str(path))
+                with contextlib.suppress(OSError):
+                    client.send(rubbish.randbytes(rubbish.randrange(1, 2000)))
+                client.close()
+            frozen = self.program("listen")
+            frozen.send_signal(signal.SIGSTOP)
+            try:
+                self.assertEqual(self.ground_run("ping", "--timeout", "30").returncode, 0)
+            finally:
+                frozen.kill()
+                frozen.communicate()
+            self.assertEqual(self.ground_run("tc", "eps.switch_load", "load=2", "state=on", "--wait").returncode, 0)
+
+    def test_a_server_that_is_killed_reuses_no_counter_and_its_clients_go_on(self):
+        kills = int(os.environ.get("SRFS_SERVE_KILLS", "12"))
+        with self.served_flight() as (_, server):
+            session = self.program("session", stdin=subprocess.PIPE)
+            lines = []
+            reader = threading.Thread(target=lambda: lines.extend(json.loads(line) for line in session.stdout), daemon=True)
+            reader.start()
+            moments = random.Random(3)
+            before = self.counters() if (self.var / "ground/uplink.json").exists() else {}
+            completed = lambda: sum(1 for m in lines if m["type"] == "tc_stage" and m["stage"] == "completed")  # noqa: E731
+            for number in range(kills):
+                for _ in range(3):
+                    session.stdin.write("tc eps.switch_load load=2 state=on\n")
+                session.stdin.flush()
+                time.sleep(moments.uniform(0, 0.3))  # any moment is as good as another
+                server.kill()
+                server.start()
+                now = self.counters()
+                for association, value in before.items():
+                    self.assertGreaterEqual(now[association], value, f"kill {number}")
+                before = now
+                done = completed()
+                session.stdin.write("tc eps.switch_load load=1 state=on\n")
+                session.stdin.flush()
+                wait_until(lambda d=done: completed() > d, DEADLINE_S, f"the session goes on after kill {number}")
+            # What the spacecraft says after the last of them.
+            since = len(lines)
+            told = lambda: [m["fields"]["sdls_replays"] for m in lines[since:] if "sdls_replays" in m.get("fields", {})]  # noqa: E731
+            wait_until(told, DEADLINE_S, "the counters of the spacecraft's receiver")
+            replays = told()
+            session.stdin.close()
+            self.assertEqual(session.wait(DEADLINE_S), 0)
+            reader.join()
+            session.stdout.close()
+            session.stderr.close()
+            ended = [m for m in lines if m["type"] == "tc_stage" and m["final"]]
+            self.assertEqual([m for m in ended if m["stage"] in ("rejected", "start_failed", "failed")], [])
+            self.assertGreater(completed(), kills)
+            self.assertEqual(replays[-1], 0, "authentic frames with an old counter")
+
+
+if __name__ == "__main__":
+    unittest.main()
