@@ -33,6 +33,15 @@ struct Streak {
   [[nodiscard]] double length_px() const { return std::hypot(x2 - x1, y2 - y1); }
 };
 
+/// How the lens maps directions to pixels (CameraModel).
+struct Lens {
+  double focal_px;
+  double axis_x;  ///< from the frame's middle
+  double axis_y;
+  double k1;  ///< k1 + k2: displacement at the corners over their distance
+  double k2;
+};
+
 /// Where a frame looks and how it lies.
 struct Attitude {
   double ra_deg;  ///< of the frame's middle, J2000
@@ -42,6 +51,9 @@ struct Attitude {
   bool mirrored;           ///< east is to the right where north is up
   int stars;               ///< that the catalogue explains
   double rms_arcsec;       ///< of those, per axis
+  double field_deg;        ///< width of the frame
+  double rms_px;
+  Lens lens;
 };
 
 /// A piece of a frame, or the frame made small, as a product of its own.

@@ -141,44 +141,37 @@ constexpr std::array tracklet_parameters{
                   "chi-squared margin by which a streak must beat stars in one frame"},
 };
 
-constexpr PlateOptions widest_field{1, 60};
-
 /// The attitude from the stars.
-class PlateSolution final : public Method {
+class PlateSolving final : public Method {
  public:
-  explicit PlateSolution(const Parameters& parameters)
-      : options_{parameters["min_field"], parameters["max_field"]},
-        with_stars_(parameters["stars"] != 0),
-        solver_(bright_star_solver()) {}
+  explicit PlateSolving(const Parameters& parameters)
+      : options_{parameters["min_field"], parameters["max_field"]}, with_stars_(parameters["stars"] != 0) {}
 
   Result<FrameFindings, Refusal> process(const Frame& frame) override {
     FrameFindings findings;
     const CleanFrame clean = clean_frame(frame, findings);
     findings.stars = find_stars(clean, {}).stars;
-    findings.attitude = solver_.solve(findings.stars, frame.pixels.width(), frame.pixels.height(), options_);
-    if (!findings.attitude)
-      findings.notes.push_back(solver_.why_unsolved(findings.stars, frame.pixels.width(),
-                                                    frame.pixels.height(), options_, widest_field));
+    const auto solution =
+        solver_.solve(findings.stars, frame.pixels.width(), frame.pixels.height(), options_);
+    if (solution)
+      findings.attitude = solution->attitude;
+    else
+      findings.notes.push_back(
+          solver_.why_unsolved(findings.stars, frame.pixels.width(), frame.pixels.height(), options_));
     if (!with_stars_) findings.stars.clear();
     return findings;
   }
 
  private:
   PlateOptions options_;
-  /// Built once in a process, when first asked for.
-  static const PlateSolver& bright_star_solver() {
-    static const PlateSolver solver(bright_stars());
-    return solver;
-  }
-
   bool with_stars_;
-  const PlateSolver& solver_;
+  FieldSolver solver_;
 };
 
 constexpr std::array plate_parameters{
-    ParameterSpec{"min_field", 4, widest_field.field_least_deg, widest_field.field_most_deg,
+    ParameterSpec{"min_field", field_least_deg, field_least_deg, field_most_deg,
                   "least width of the field of view, degrees"},
-    ParameterSpec{"max_field", 20, widest_field.field_least_deg, widest_field.field_most_deg,
+    ParameterSpec{"max_field", field_most_deg, field_least_deg, field_most_deg,
                   "largest width of the field of view, degrees"},
     ParameterSpec{"stars", 0, 0, 1, "1: also the stars"},
 };
@@ -285,8 +278,8 @@ constexpr std::array entries{
                 make<StreakSearch>},
     MethodEntry{"tracklet", "objects that move over several frames: points, velocity, SNR",
                 tracklet_parameters, make<TrackletSearch>},
-    MethodEntry{"plate_solve", "attitude and scale from the stars, or none", plate_parameters,
-                make<PlateSolution>},
+    MethodEntry{"plate_solve", "attitude, field of view and distortion from the stars, or none",
+                plate_parameters, make<PlateSolving>},
     MethodEntry{"defect_map", "hot and dark pixels of the detector, from several frames", defect_parameters,
                 make<DefectMap>},
     MethodEntry{"roi", "a section of the frame, unchanged", roi_parameters, make<RegionOfInterest>},

@@ -4,41 +4,73 @@
 
 #include <array>
 #include <cstdint>
+#include <memory>
+#include <optional>
+#include <span>
 #include <string>
 #include <vector>
 
 #include <Eigen/Core>
 
+#include "image/camera_model.hpp"
 #include "image/detections.hpp"
 #include "image/star_catalogue.hpp"
 
 namespace srfs::image {
 
+/// All widths of a field of view that can be asked for.
+inline constexpr double field_least_deg = 2;
+inline constexpr double field_most_deg = 60;
+
 struct PlateOptions {
-  double field_least_deg = 4;  ///< width of the frame
-  double field_most_deg = 20;
+  double field_least_deg = image::field_least_deg;  ///< width of the frame
+  double field_most_deg = image::field_most_deg;
 };
 
-/// The attitude of a camera without distortion from its stars, without any idea of where it looks.
+/// Where a camera looks, its lens, and the stars that show it.
+struct PlateSolution {
+  struct Match {
+    std::size_t star;  ///< of the list that was given
+    float magnitude;   ///< V_T
+  };
+  Attitude attitude;
+  CameraModel camera;
+  CameraFit fit;
+  std::vector<Match> matches;
+};
+
+/// How certain the place of a star is, per axis: its light's noise, and what no light makes better.
+[[nodiscard]] double place_sigma_px(const Star& star);
+
+/// The stars that a solver knows and how far the patterns reach that it compares.
+struct PlateScales {
+  double faintest;
+  std::span<const double> radii_deg;
+  std::size_t neighbours;  ///< that a pattern is chosen from, 6 at most
+};
+
+/// For fields wider than 4 degrees, and for the narrower ones.
+[[nodiscard]] const PlateScales& wide_scales();
+[[nodiscard]] const PlateScales& narrow_scales();
+/// Frames at least this wide are left to the wide scales.
+inline constexpr double narrow_most_deg = 7;
+
+/// The attitude of a camera and the distortion of its lens from its stars, without any idea of where it
+/// looks or how wide its field is.
 ///
 /// Patterns of four stars (one and three of the six brightest around it) are compared by their shape with
-/// those of the catalogue; one that agrees gives an attitude, which is taken only if it explains so many
-/// other stars that chance cannot.
+/// those of the catalogue; one that agrees gives an attitude, from which the camera is fitted to more and
+/// more stars around the pattern. It is taken only if it explains so many that chance cannot.
 class PlateSolver {
  public:
-  /// Takes a quarter of a second and 25 MB. @param catalogue  brightest first
-  explicit PlateSolver(const std::vector<CatalogueStar>& catalogue);
+  /// Wide: takes a quarter of a second and 25 MB; narrow: a second and 80 MB.
+  explicit PlateSolver(const PlateScales& scales);
 
-  /// Takes a few milliseconds, 50 where there is no solution.
+  /// Takes a few milliseconds, 100 where there is no solution.
   /// @param stars  with the place of the frame's first pixel's centre as (0, 0), in any order
   /// @return nothing rather than what may be wrong
-  [[nodiscard]] std::optional<Attitude> solve(const std::vector<Star>& stars, int width, int height,
-                                              const PlateOptions& options) const;
-
-  /// Why solve() found nothing, for people: names the bound of the field when an attitude beyond it explains
-  /// the stars. Takes as long as solve(). @param widest  all fields that may be asked for
-  [[nodiscard]] std::string why_unsolved(const std::vector<Star>& stars, int width, int height,
-                                         const PlateOptions& options, const PlateOptions& widest) const;
+  [[nodiscard]] std::optional<PlateSolution> solve(const std::vector<Star>& stars, int width, int height,
+                                                   const PlateOptions& options) const;
 
  private:
   friend class PlateSearch;
@@ -46,23 +78,49 @@ class PlateSolver {
   /// Shape of four stars: two of them are (0, 0) and (1, 0), what is stored are the places of the others.
   using Code = std::array<float, 4>;
   struct Quad {
-    Code code;
+    std::array<std::int16_t, 4> code;  ///< in code_unit
     std::array<std::uint32_t, 4> stars;
   };
+  struct Direction {
+    Eigen::Vector3f direction;
+    float magnitude;
+  };
 
-  static constexpr int neighbours = 6;
+  static constexpr std::size_t neighbours_most = 6;
+  static constexpr float code_unit = 1.0F / 16000;
   static constexpr float cell = 0.02F;        ///< of the index
   static constexpr float tolerance = 0.008F;  ///< of a code's numbers
   static constexpr std::size_t buckets = std::size_t{1} << 20;
 
   [[nodiscard]] static std::size_t bucket_of(const std::array<int, 4>& cells);
-  void add_patterns(double radius_rad);
+  [[nodiscard]] static std::size_t bucket_of(const Quad& quad);
+  void add_patterns(double radius_rad, std::size_t neighbours);
+  void sort_by_bucket();
+  [[nodiscard]] Eigen::Vector3d direction(std::size_t star) const {
+    return stars_[star].direction.cast<double>();
+  }
 
-  std::vector<CatalogueStar> stars_;
-  std::vector<Eigen::Vector3d> directions_;
+  std::vector<Direction> stars_;  ///< brightest first
   SkyIndex sky_;
   std::vector<std::uint32_t> first_;  ///< quad of each bucket
   std::vector<Quad> quads_;
+};
+
+/// All fields: the wide scales first, of which there is one solver in a process, then the narrow ones, which
+/// are made when first needed and freed with this.
+class FieldSolver {
+ public:
+  FieldSolver();
+  [[nodiscard]] std::optional<PlateSolution> solve(const std::vector<Star>& stars, int width, int height,
+                                                   const PlateOptions& options);
+  /// Why solve() found nothing, for people: names the bound of the field when an attitude beyond it explains
+  /// the stars. Takes as long as solve().
+  [[nodiscard]] std::string why_unsolved(const std::vector<Star>& stars, int width, int height,
+                                         const PlateOptions& options);
+
+ private:
+  [[nodiscard]] static const PlateSolver& wide();
+  std::unique_ptr<const PlateSolver> narrow_;
 };
 
 }  // namespace srfs::image

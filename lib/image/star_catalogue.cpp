@@ -44,14 +44,17 @@ Eigen::Vector3d direction_of(double ra_deg, double dec_deg) {
   return {std::cos(dec) * std::cos(ra), std::cos(dec) * std::sin(ra), std::sin(dec)};
 }
 
-std::vector<CatalogueStar> bright_stars() {
+std::vector<CatalogueStar> bright_stars(double faintest) {
   const std::span<const std::uint8_t> content(
       srfs_bright_stars_begin,
       static_cast<std::size_t>(reinterpret_cast<std::uintptr_t>(srfs_bright_stars_end) -
                                reinterpret_cast<std::uintptr_t>(srfs_bright_stars_begin)));
+  const auto magnitude = [&](std::size_t star) { return content[star * star_octets + 6] / 20.0; };
+  std::size_t count = 0;
+  while ((count + 1) * star_octets <= content.size() && magnitude(count) < faintest) ++count;
   std::vector<CatalogueStar> stars;
-  stars.reserve(content.size() / star_octets);
-  for (std::size_t at = 0; at + star_octets <= content.size(); at += star_octets) {
+  stars.reserve(count);
+  for (std::size_t at = 0; at < count * star_octets; at += star_octets) {
     const std::int32_t ra = take_24(&content[at]);
     std::int32_t dec = take_24(&content[at + 3]);
     if (dec >= 1 << 23) dec -= 1 << 24;
@@ -72,16 +75,17 @@ SkyIndex::SkyIndex(const std::vector<Eigen::Vector3d>& directions, double cell_r
     cells += static_cast<std::size_t>(n);
   }
   first_.assign(cells + 1, 0);
-  std::vector<std::size_t> of;
+  std::vector<std::uint32_t> of;
   of.reserve(directions.size());
   for (const Eigen::Vector3d& d : directions) {
-    of.push_back(cell_of(d));
+    of.push_back(static_cast<std::uint32_t>(cell_of(d)));
     ++first_[of.back() + 1];
   }
   for (std::size_t i = 1; i < first_.size(); ++i) first_[i] += first_[i - 1];
   entries_.resize(directions.size());
-  std::vector<std::size_t> next(first_.begin(), first_.end() - 1);
-  for (std::size_t i = 0; i < directions.size(); ++i) entries_[next[of[i]]++] = {directions[i], i};
+  std::vector<std::uint32_t> next(first_.begin(), first_.end() - 1);
+  for (std::size_t i = 0; i < directions.size(); ++i)
+    entries_[next[of[i]]++] = {directions[i].cast<float>(), static_cast<std::uint32_t>(i)};
 }
 
 std::size_t SkyIndex::cell_of(const Eigen::Vector3d& direction) const {

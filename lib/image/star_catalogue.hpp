@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstddef>
+#include <cstdint>
 #include <vector>
 
 #include <Eigen/Core>
@@ -16,8 +17,10 @@ struct CatalogueStar {
   double magnitude;           ///< V_T
 };
 
-/// The stars brighter than 8.5 (catalogue/README.md), brightest first.
-[[nodiscard]] std::vector<CatalogueStar> bright_stars();
+inline constexpr double faintest_of_catalogue = 10.5;
+
+/// The stars brighter than @p faintest (catalogue/README.md), brightest first.
+[[nodiscard]] std::vector<CatalogueStar> bright_stars(double faintest = 8.5);
 
 [[nodiscard]] Eigen::Vector3d direction_of(double ra_deg, double dec_deg);
 
@@ -33,7 +36,7 @@ class SkyIndex {
     const double chord = 2 * std::sin(radius_rad / 2);
     for_cells(direction, radius_rad, [&](std::size_t from, std::size_t end) {
       for (std::size_t k = from; k < end; ++k) {
-        const double square = (entries_[k].direction - direction).squaredNorm();
+        const double square = (entries_[k].direction.cast<double>() - direction).squaredNorm();
         if (square <= chord * chord) use(entries_[k].index, square);
       }
     });
@@ -41,8 +44,8 @@ class SkyIndex {
 
  private:
   struct Entry {
-    Eigen::Vector3d direction;
-    std::size_t index;
+    Eigen::Vector3f direction;
+    std::uint32_t index;
   };
   struct Band {
     std::size_t first_cell;
@@ -79,7 +82,7 @@ class SkyIndex {
 
   double band_rad_;
   std::vector<Band> bands_;
-  std::vector<std::size_t> first_;
+  std::vector<std::uint32_t> first_;
   std::vector<Entry> entries_;
 };
 

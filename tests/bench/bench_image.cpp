@@ -245,16 +245,34 @@ void make_sequence(const Options& o, SkyRandom& random, int number) {
 
 // --- real sky ---
 
+/// Of a lens: the width of its field, and how far it displaces the frame's corners (over their distance).
+struct Optics {
+  double field_deg;
+  double distortion;
+};
+
+/// Set `plate`: 6 to 15 degrees without distortion; set `lens`: 2 to 60 degrees, all widths as likely in
+/// logarithm, up to 5 % of distortion.
+Optics random_optics(const Options& o, SkyRandom& random) {
+  if (o.set == "plate") return {random.uniform(6, 15), 0};
+  const double field_deg = 2 * std::pow(30.0, random.uniform());
+  return {field_deg, random.uniform(-0.05, 0.05)};
+}
+
 /// A field at a random pointing, with the catalogue's stars and random fainter ones.
 void make_plate(const Options& o, SkyRandom& random, int number) {
   using Eigen::Vector3d;
   SkyScene scene = random_scene(o, random);
   scene.fwhm_px = random.uniform(1.4, 3.5);
-  const double field_deg = random.uniform(6, 15);
+  const auto [field_deg, distortion] = random_optics(o, random);
+  const double known_to = o.set == "plate" ? 8.5 : image::faintest_of_catalogue;
   const double ra_deg = random.uniform(0, 360);
   const double dec_deg = std::asin(random.uniform(-1, 1)) * 180 / std::numbers::pi;
   const double roll_deg = random.uniform(0, 360);
-  const double faintest = random.uniform(8, 9.5);  // magnitude at SNR 6
+  // Magnitude at SNR 6. A wide lens collects less light.
+  const double faintest = o.set == "plate"
+                              ? random.uniform(8, 9.5)
+                              : random.uniform(10, 11.5) - 2 * std::log(field_deg / 2) / std::log(3.0);
   const double focal_px = o.width / 2.0 / std::tan(field_deg * std::numbers::pi / 360);
   const double roll = roll_deg * std::numbers::pi / 180;
   const Vector3d middle = image::direction_of(ra_deg, dec_deg);
@@ -266,21 +284,26 @@ void make_plate(const Options& o, SkyRandom& random, int number) {
     return flux_for_snr(scene, x, y, std::min(20000.0, 6 * std::pow(10, 0.4 * (faintest - magnitude))));
   };
   std::vector<SkyStar> stars;
-  for (const image::CatalogueStar& s : image::bright_stars()) {
+  const double corner_px = std::hypot(o.width, o.height) / 2;
+  for (const image::CatalogueStar& s : image::bright_stars(known_to)) {
     const double ahead = s.direction.dot(middle);
-    if (ahead < 0.9) continue;
-    const double x = (o.width - 1) / 2.0 + focal_px * s.direction.dot(right) / ahead;
-    const double y = (o.height - 1) / 2.0 + focal_px * s.direction.dot(down) / ahead;
+    if (ahead < 0.75 || s.magnitude > faintest + 1.5) continue;
+    const Eigen::Vector2d flat =
+        focal_px / ahead * Eigen::Vector2d(s.direction.dot(right), s.direction.dot(down));
+    const double square = flat.squaredNorm() / (corner_px * corner_px);
+    if (square > 1.5) continue;  // farther out the polynomial turns back
+    const double x = (o.width - 1) / 2.0 + flat.x() * (1 + distortion * square);
+    const double y = (o.height - 1) / 2.0 + flat.y() * (1 + distortion * square);
     if (x > -5 && y > -5 && x < o.width + 4 && y < o.height + 4)
       stars.push_back({x, y, flux(x, y, s.magnitude)});
   }
   // Star counts triple with each magnitude.
   const double known = static_cast<double>(stars.size());
-  const int fainter = static_cast<int>(known * (std::pow(3.0, faintest + 0.5 - 8.5) - 1));
+  const int fainter = static_cast<int>(known * (std::pow(3.0, std::max(0.0, faintest + 0.5 - known_to)) - 1));
   for (int i = 0; i < fainter; ++i) {
     const double x = random.uniform(0, o.width);
     const double y = random.uniform(0, o.height);
-    const double share = random.uniform(std::pow(3.0, 8.5 - faintest - 0.5), 1);
+    const double share = random.uniform(std::pow(3.0, known_to - faintest - 0.5), 1);
     stars.push_back({x, y, flux(x, y, faintest + 0.5 + std::log(share) / std::log(3.0))});
   }
   write(o, number, scene, stars, {},
@@ -288,6 +311,7 @@ void make_plate(const Options& o, SkyRandom& random, int number) {
          {"dec_deg", dec_deg},
          {"roll_deg", roll_deg},
          {"field_deg", field_deg},
+         {"distortion", distortion},
          {"scale_arcsec_px", 180 * 3600 / std::numbers::pi / focal_px}});
 }
 
@@ -297,7 +321,7 @@ void make(const Options& o) {
     std::puts(bench::measure_lossless(o.width, o.height, o.frames, o.seed).dump().c_str());
     return;
   }
-  if (o.set == "plate") {
+  if (o.set == "plate" || o.set == "lens") {
     for (int i = 0; i < o.frames; ++i) make_plate(o, random, i);
     return;
   }
@@ -323,7 +347,7 @@ int main(int argc, char** argv) {
   Options options;
   app.add_option("FOLDER", options.folder)->required()->check(CLI::ExistingDirectory);
   app.add_option("--set", options.set, "What is in them; lossless: measures how they are packed, writes none")
-      ->check(CLI::IsMember({"stars", "streaks", "short", "empty", "sequence", "plate", "lossless"}))
+      ->check(CLI::IsMember({"stars", "streaks", "short", "empty", "sequence", "plate", "lens", "lossless"}))
       ->capture_default_str();
   app.add_option("--frames", options.frames, "Frames, or sequences of eight")
       ->check(CLI::Range(1, 999))

@@ -109,7 +109,7 @@ class DetectProgramTest(unittest.TestCase):
     def test_names_the_bounds_of_the_field_that_explains_no_stars(self):
         run = detect("--method", "plate_solve", "--params", "min_field=7", self.frames[0])
         self.assertEqual(run.returncode, 0, run.stderr)
-        self.assertIn("field of 7 to 20 degrees (min_field, max_field)", run.stdout)
+        self.assertIn("field of 7 to 60 degrees (min_field, max_field)", run.stdout)
 
     def test_lists_the_defects_of_a_detector(self):
         run = detect("--method", "defect_map", "--json", *self.frames)

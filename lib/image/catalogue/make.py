@@ -13,7 +13,7 @@ import struct
 import sys
 from pathlib import Path
 
-FAINTEST = 8.5
+FAINTEST = 10.5
 CARD, BLOCK = 80, 2880
 
 

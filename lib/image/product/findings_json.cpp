@@ -64,6 +64,14 @@ Json to_json(const FrameRegistration& r) {
           {"rms", rounded(r.registration.rms_px, 1e-4)}};
 }
 
+static Json to_json(const Lens& lens) {
+  return {{"focal_px", rounded(lens.focal_px, 1e-3)},
+          {"axis_x", rounded(lens.axis_x, 1e-3)},
+          {"axis_y", rounded(lens.axis_y, 1e-3)},
+          {"k1", rounded(lens.k1, 1e-7)},
+          {"k2", rounded(lens.k2, 1e-7)}};
+}
+
 Json to_json(const std::optional<Attitude>& a) {
   if (!a) return nullptr;
   return {{"ra_deg", rounded(a->ra_deg, 1e-6)},
@@ -72,7 +80,11 @@ Json to_json(const std::optional<Attitude>& a) {
           {"scale_arcsec_px", rounded(a->scale_arcsec_px, 1e-5)},
           {"mirrored", a->mirrored},
           {"stars", a->stars},
-          {"rms_arcsec", rounded(a->rms_arcsec, 1e-3)}};
+          {"rms_arcsec", rounded(a->rms_arcsec, 1e-3)},
+          {"rms_px", rounded(a->rms_px, 1e-4)},
+          {"field_deg", rounded(a->field_deg, 1e-5)},
+          {"distortion", rounded(a->lens.k1 + a->lens.k2, 1e-6)},
+          {"lens", to_json(a->lens)}};
 }
 
 Json to_json(const Defect& d) {

@@ -339,8 +339,8 @@ def measure_tracklets(bin_dir, sequences):
 
 
 def measure_plates(bin_dir, frames):
-    """Attitude of fields 6 to 15 degrees wide; the time beside star_centroid on the same frames."""
-    errors, rolls, extra, wrong, unsolved = [], [], [], 0, []
+    """Attitude of fields (set plate: 6 to 15 degrees wide; set lens: 2 to 60, with distortion); the time beside star_centroid on the same frames."""
+    errors, pixels, rolls, rms, extra, wrong, unsolved = [], [], [], [], [], 0, []
     for fits, truth in frames:
         stars, found = detect(bin_dir, "star_centroid", fits)[1], detect(bin_dir, "plate_solve", fits)[1]
         extra.append(found["frames"][0]["cpu_ms"] - stars["frames"][0]["cpu_ms"])
@@ -349,13 +349,16 @@ def measure_plates(bin_dir, frames):
             unsolved.append({"frame": truth["file"], "field_deg": round(wanted["field_deg"], 1), "stars": len(stars["stars"])})
             continue
         error = 3600 * apart_deg(wanted, solution)
-        if error > 30:
+        if error > max(30, 3 * wanted["scale_arcsec_px"]):
             wrong += 1
             continue
         errors.append(error)
+        pixels.append(error / wanted["scale_arcsec_px"])
+        rms.append(solution["rms_px"])
         rolls.append(abs((solution["roll_deg"] - wanted["roll_deg"] + 180) % 360 - 180))
     n = len(frames)
     return {"frames": n, "solved": round(len(errors) / n, 4), "wrong": wrong, "arcsec": quantiles(errors, "p50 max", digits=2) if errors else None,
+            "px": quantiles(pixels, "p50 max", digits=3) if pixels else None, "rms_px": quantiles(rms, "p50 max", digits=3) if rms else None,
             "roll_deg_max": round(max(rolls), 4) if rolls else None, "ms_after_centroids": quantiles(extra, "p50 max", digits=1), "unsolved": unsolved[:20]}  # fmt: skip
 
 
@@ -407,6 +410,7 @@ def measure(bin_dir, options, say):
         result["sequences"] = measure_tracklets(bin_dir, frames_of(bin_dir, folder, "sequence", options, frames=max(2, options.frames // 3)))
         say("bench image: attitude")
         result["plates"] = measure_plates(bin_dir, frames_of(bin_dir, folder, "plate", options, frames=2 * options.frames))
+        result["lenses"] = measure_plates(bin_dir, frames_of(bin_dir, folder, "lens", options, frames=2 * options.frames))
         say("bench image: time")
         result["time_1920x1080"] = measure_time(bin_dir, options, folder)
         say("bench image: frames without loss")
@@ -417,7 +421,7 @@ def measure(bin_dir, options, say):
 def is_sound(result):
     """Nothing that no load excuses went wrong."""
     lossless = result["lossless_1920x1080"]
-    return result["stars"]["srfs"]["found"] > 0 and result["plates"]["wrong"] == 0 and all(lossless[sky]["srfs"]["identical"] for sky in ("night", "bright_sky"))
+    return result["stars"]["srfs"]["found"] > 0 and result["plates"]["wrong"] + result["lenses"]["wrong"] == 0 and all(lossless[sky]["srfs"]["identical"] for sky in ("night", "bright_sky"))
 
 
 def show(result):
@@ -435,8 +439,9 @@ def show(result):
     row = result["sequences"]
     print(f"  tracklets in {row['sequences']} sequences of 8: recall {row['recall']}, {row['false_per_sequence']} false a sequence; registration {row['registration_rms_px']} px rms, {row['frames_not_registered']} frames not registered")
     print(f"  streaks of 10 to 20 px after the veto of all frames: {row['streaks_10_20_after_veto']}")
-    row = result["plates"]
-    print(f"  attitude of {row['frames']} fields 6 to 15 degrees wide: {row['solved']} solved, {row['wrong']} wrong, arcsec {row['arcsec']}, ms after the centroids {row['ms_after_centroids']}")
+    for name, kind in (("plates", "fields 6 to 15 degrees wide"), ("lenses", "fields 2 to 60 degrees wide, distortion up to 5 %")):
+        row = result[name]
+        print(f"  attitude of {row['frames']} {kind}: {row['solved']} solved, {row['wrong']} wrong, arcsec {row['arcsec']}, px {row['px']}, rms px {row['rms_px']}, ms after the centroids {row['ms_after_centroids']}")
     print(f"  1920 x 1080: {json.dumps(result['time_1920x1080'])}")
     for sky in ("night", "bright_sky"):
         row = result["lossless_1920x1080"][sky]
