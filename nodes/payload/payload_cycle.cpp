@@ -80,7 +80,7 @@ PayloadActions PayloadCycle::finish() {
   }
   if (journal_.revision() > written_or_asked_) {
     written_or_asked_ = journal_.revision();
-    act(WriteJournal{written_or_asked_});
+    act(WriteTelecommands{written_or_asked_});
   }
   if (activity() != published_) {
     published_ = activity();

@@ -116,7 +116,7 @@ struct ProcessMeasurement {
 struct CommandDone {
   PeripheralFunction command;
 };
-struct WriteJournal {
+struct WriteTelecommands {
   std::uint64_t revision = 0;
 };
 /// Answer with on_power_switched().
@@ -146,8 +146,8 @@ struct PayloadEvent {
 };
 
 using PayloadAction = std::variant<PublishStatus, OpenBus, CloseBus, SendRequest, AbortRequest, AwaitQuiet,
-                                   ProcessMeasurement, CommandDone, WriteJournal, SwitchPower, WithdrawFrames,
-                                   RememberKeptOff, PayloadEvent, StageReport, Activity>;
+                                   ProcessMeasurement, CommandDone, WriteTelecommands, SwitchPower,
+                                   WithdrawFrames, RememberKeptOff, PayloadEvent, StageReport, Activity>;
 using PayloadActions = std::vector<PayloadAction>;
 
 /// Why a request got no usable answer.
@@ -312,7 +312,7 @@ class PayloadCycle {
   std::optional<MonotonicTime> power_deadline_;
 
   std::uint32_t processing_ = 0;
-  std::uint64_t written_or_asked_ = 0;  ///< highest revision given out by WriteJournal
+  std::uint64_t written_or_asked_ = 0;  ///< highest revision given out by WriteTelecommands
   Activity published_ = Activity::off;
   SlotStatistics statistics_;
   Counters counters_;

@@ -638,7 +638,7 @@ void PayloadNode::carry_out(const CommandDone& action) {
       });
 }
 
-void PayloadNode::carry_out(const WriteJournal& action) {
+void PayloadNode::carry_out(const WriteTelecommands& action) {
   journal_wanted_ = action.revision;
   if (!journal_writing_) write_journal();
 }

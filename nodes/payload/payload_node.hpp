@@ -71,7 +71,7 @@ class PayloadNode : public suite::Node {
   void carry_out(const AwaitQuiet& action);
   void carry_out(const ProcessMeasurement& action);
   void carry_out(const CommandDone& action);
-  void carry_out(const WriteJournal& action);
+  void carry_out(const WriteTelecommands& action);
   void carry_out(const SwitchPower& action);
   void carry_out(const WithdrawFrames& action);
   void carry_out(const RememberKeptOff& action);

@@ -252,7 +252,7 @@ void Payload::carry_out(const CommandDone& action) {
   (void)profile_->on_command_done(action.command);
 }
 
-void Payload::carry_out(const WriteJournal& action) {
+void Payload::carry_out(const WriteTelecommands& action) {
   journal_wanted_ = action.revision;
   if (!journal_writing_) write_journal();
 }

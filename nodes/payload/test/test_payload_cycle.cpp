@@ -563,7 +563,7 @@ TEST_F(PayloadCycleTest, RepeatsAnUnansweredTelecommandInTheNextSlot) {
 TEST_F(PayloadCycleTest, StoresTheStartOfAnAtMostOnceCommandWhileItWakesThePeripheral) {
   store(1, 1, RepeatClass::at_most_once);
   PayloadActions actions = grant();
-  EXPECT_NE(find<WriteJournal>(actions), nullptr);
+  EXPECT_NE(find<WriteTelecommands>(actions), nullptr);
   EXPECT_TRUE(sends<wire::WakeUpRequest>(actions));
   actions = wake();
   EXPECT_EQ(find<SendRequest>(actions), nullptr);  // not on disk yet

@@ -211,7 +211,7 @@ class World {
   }
   void check(const ProcessMeasurement& /*process*/) { ++processing_; }
   void check(const CommandDone& /*done*/) {}
-  void check(const WriteJournal& write) { journal_wanted_ = write.revision; }
+  void check(const WriteTelecommands& write) { journal_wanted_ = write.revision; }
   void check(const SwitchPower& power) {
     ASSERT_FALSE(power.on && kept_off_) << "a peripheral that is kept off was switched on";
     switching_.push_back(power.on);

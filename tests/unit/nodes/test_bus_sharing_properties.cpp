@@ -1014,7 +1014,7 @@ class World {
               .who = who,
               .process = payloads_[who].incarnation});
   }
-  void carry_out(std::uint8_t who, const WriteJournal& write) {
+  void carry_out(std::uint8_t who, const WriteTelecommands& write) {
     payloads_[who].journal_wanted = write.revision;
     if (!payloads_[who].writing) write_journal(who);
   }
