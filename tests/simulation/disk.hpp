@@ -12,6 +12,10 @@
 
 namespace srfs::simulation {
 
+[[nodiscard]] inline Octets octets_of_text(std::string_view text) {
+  return {text.begin(), text.end()};
+}
+
 /// Small files that are replaced whole (write_file_atomically), each process' writes in the order of its
 /// worker. Where a process or the power ends in the middle of a write, the file is the old or the new one.
 class Disk {

@@ -25,6 +25,8 @@ const std::array<FaultInjector::Kind, fault_count>& FaultInjector::kinds() {
       {Fault::stuck_power, seconds(60), &F::stuck_power},
       {Fault::bus_errors, seconds(40), &F::bus_errors},
       {Fault::bus_off, seconds(50), &F::bus_off},
+      {Fault::line_noise, seconds(50), &F::line_noise},
+      {Fault::line_cut, seconds(90), &F::line_cut},
       {Fault::gps, seconds(60), &F::gps},
   }};
   return all;
@@ -185,6 +187,30 @@ void FaultInjector::bus_errors(Random& random) {
 
 void FaultInjector::bus_off(Random& /*random*/) {
   spacecraft_.can().force_bus_off();
+}
+
+// ---------------------------------------------------------------- line
+
+void FaultInjector::line_noise(Random& random) {
+  Station::Line line = spacecraft_.station().line();
+  line.lost_per_1000 = random.below(300);
+  line.spoiled_per_1000 = random.below(300);
+  spacecraft_.station().set_line(line);
+  for_some_time(random.between(seconds(1), seconds(40)), [this] {
+    spacecraft_.station().set_line(
+        {.lost_per_1000 = 0, .spoiled_per_1000 = 0, .cut = spacecraft_.station().line().cut});
+  });
+}
+
+void FaultInjector::line_cut(Random& random) {
+  Station::Line line = spacecraft_.station().line();
+  line.cut = true;
+  spacecraft_.station().set_line(line);
+  for_some_time(random.between(milliseconds(100), seconds(random.one_in(4) ? 200 : 20)), [this] {
+    Station::Line now = spacecraft_.station().line();
+    now.cut = false;
+    spacecraft_.station().set_line(now);
+  });
 }
 
 // ---------------------------------------------------------------- time

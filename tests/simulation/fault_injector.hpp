@@ -56,6 +56,8 @@ class FaultInjector {
   void stuck_power(Random& random);
   void bus_errors(Random& random);
   void bus_off(Random& random);
+  void line_noise(Random& random);
+  void line_cut(Random& random);
   void gps(Random& random);
   [[nodiscard]] static const std::array<Kind, fault_count>& kinds();
 

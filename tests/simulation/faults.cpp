@@ -25,6 +25,8 @@ constexpr std::array<const char*, fault_count> names{"kill",
                                                      "stuck_power",
                                                      "bus_errors",
                                                      "bus_off",
+                                                     "line_noise",
+                                                     "line_cut",
                                                      "gps"};
 
 }  // namespace

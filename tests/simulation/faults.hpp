@@ -29,9 +29,11 @@ enum class Fault : std::uint8_t {
   stuck_power,  ///< a peripheral's switch does not obey
   bus_errors,   ///< error frames, lost and corrupted frames
   bus_off,
-  gps,  ///< no pulse, no fix, false pulses, wrong times
+  line_noise,  ///< CLTUs and CADUs are lost or spoiled
+  line_cut,    ///< nothing passes in either direction, up to some minutes
+  gps,         ///< no pulse, no fix, false pulses, wrong times
 };
-inline constexpr std::size_t fault_count = 17;
+inline constexpr std::size_t fault_count = 19;
 using FaultSet = std::bitset<fault_count>;
 
 [[nodiscard]] const char* to_text(Fault fault);

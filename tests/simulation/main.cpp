@@ -1,8 +1,9 @@
 // SPDX-FileCopyrightText: 2026 SRFS contributors
 // SPDX-License-Identifier: Apache-2.0
 // srfs-simulate: the whole mission in one deterministic process (docs/how-to/simulate_the_mission.md).
-#include <chrono>
 #include <cstdlib>
+#include <cstring>
+#include <ctime>
 #include <memory>
 
 #include <fmt/format.h>
@@ -56,15 +57,17 @@ void print_violation(const RunSettings& settings, const RunOutcome& outcome, boo
 }
 
 bool fly(const RunSettings& settings, bool with_shrink) {
-  const auto begun = std::chrono::steady_clock::now();
+  const std::clock_t begun = std::clock();  // time of the CPU: other programs do not count
   const RunOutcome outcome = run(settings);
-  const double took = std::chrono::duration<double>(std::chrono::steady_clock::now() - begun).count();
+  const double took = static_cast<double>(std::clock() - begun) / CLOCKS_PER_SEC;
   const double simulated = static_cast<double>(outcome.at.count()) / 1e9;
   fmt::print(
-      "seed {:>6}  {:016x}  {:>9.0f} s in {:>7.2f} s ({:>5.0f}x)  {:>8} slots  {:>5} starts  {:>3} boots  "
+      "seed {:>6}  {:016x}  {:>9.0f} s in {:>7.2f} s ({:>5.0f}x)  {:>8} slots  {:>5} telecommands  {:>5} "
+      "completed  {:>5} starts  {:>3} boots  "
       "{:>5} faults  {}\n",
-      settings.seed, outcome.hash, simulated, took, simulated / took, outcome.slots, outcome.starts,
-      outcome.boots, outcome.faults, outcome.violation ? "VIOLATION" : "ok");
+      settings.seed, outcome.hash, simulated, took, simulated / took, outcome.slots, outcome.telecommands,
+      outcome.completed, outcome.starts, outcome.boots, outcome.faults,
+      outcome.violation ? "VIOLATION" : "ok");
   if (outcome.violation) print_violation(settings, outcome, with_shrink);
   std::fflush(stdout);
   return !outcome.violation;

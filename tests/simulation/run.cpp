@@ -21,8 +21,11 @@ class CalmCheck {
   void on_calm(bool begins) {
     if (!begins) {
       spacecraft_.ring().set_quiet(false);
+      spacecraft_.station().set_operator(true);
       return check();
     }
+    spacecraft_.station().set_operator(false);
+    begun_ = kernel_.now();
     kernel_.later(settling, [this] { spacecraft_.ring().set_quiet(true); });
     kernel_.later(FaultInjector::calm - look, [this] {
       cycle_ = spacecraft_.newest_cycle();
@@ -33,6 +36,7 @@ class CalmCheck {
 
  private:
   void check() const {
+    spacecraft_.commands().check_ends(begun_);
     for (std::size_t i = 0; i < spacecraft_.node_count(); ++i) {
       const Host& host = spacecraft_.host(static_cast<Lane>(i));
       if (!host.runs()) throw Violation{"F4", host.name() + " does not run long after the last fault"};
@@ -51,6 +55,7 @@ class CalmCheck {
 
   Kernel& kernel_;
   Spacecraft& spacecraft_;
+  MonotonicTime begun_;
   MissionCycle cycle_ = 0;
   std::uint64_t granted_ = 0;
   std::uint64_t released_ = 0;
@@ -80,6 +85,8 @@ RunOutcome run(const RunSettings& settings) {
   outcome.ticks = spacecraft.newest_cycle();
   outcome.slots = spacecraft.ledger().granted;
   outcome.boots = spacecraft.boots();
+  outcome.telecommands = spacecraft.commands().counters().sent;
+  outcome.completed = spacecraft.commands().counters().completed;
   for (std::size_t i = 0; i < spacecraft.node_count(); ++i)
     outcome.starts += spacecraft.host(static_cast<Lane>(i)).starts();
   for (std::size_t i = 0; i < fault_count; ++i) outcome.faults += faults.injected(static_cast<Fault>(i));

@@ -28,8 +28,10 @@ struct RunOutcome {
   std::uint64_t steps = 0;
   std::uint64_t events = 0;
   std::uint64_t ticks = 0;
-  std::uint64_t slots = 0;   ///< granted
-  std::uint64_t starts = 0;  ///< of processes
+  std::uint64_t slots = 0;  ///< granted
+  std::uint64_t telecommands = 0;
+  std::uint64_t completed = 0;  ///< of them
+  std::uint64_t starts = 0;     ///< of processes
   std::uint32_t boots = 0;
   std::uint64_t faults = 0;  ///< injected
 };

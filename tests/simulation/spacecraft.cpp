@@ -41,6 +41,12 @@ class NodeProcess final : public Program {
   Ring::Member ring_;
 };
 
+/// Read once: it takes as long as minutes of flight.
+const mission::Dictionary& dictionary() {
+  static const mission::Dictionary read = mission::Dictionary::load(mission::Dictionary::default_folder());
+  return read;
+}
+
 template <class Profile>
 std::unique_ptr<PayloadProfile> make_profile() {
   return std::make_unique<Profile>();
@@ -77,6 +83,10 @@ Device::Device(Kernel& kernel, CanLine& can, std::uint8_t address,
 
 void Device::service() {
   endpoint_.service(now());
+  const auto& history = peripheral_.history();
+  for (const std::uint64_t all = peripheral_.counters().executed; executed_ < all; ++executed_) {
+    if (on_executed_) on_executed_(history[history.size() - (all - executed_)]);
+  }
   const auto next = endpoint_.next_deadline(now());
   timer_.arm(next ? std::optional(MonotonicTime(next->since_epoch())) : std::nullopt);
 }
@@ -109,6 +119,9 @@ Spacecraft::Spacecraft(Kernel& kernel)
            nullptr,
            {},
            {}},
+      key_(std::array<std::uint8_t, wire::sdls_key_octets>{7}),
+      ttc_flash_(kernel.random("flash").next()),
+      commands_(kernel, dictionary(), link_),
       owners_(payload_count, 0) {
   for (std::size_t i = 0; i < payload_count; ++i) {
     slots_.push_back({.payload = to_text(payload_lanes[i]),
@@ -118,6 +131,7 @@ Spacecraft::Spacecraft(Kernel& kernel)
     const auto address = static_cast<std::uint8_t>(first_can_address + i);
     devices_.push_back(std::make_unique<Device>(
         kernel_, can_, address, make_model(i, {world_, kernel_.random(slots_[i].payload).next()})));
+    devices_.back()->on_executed([this](std::uint32_t id) { commands_.on_executed(id); });
   }
   std::vector<Host*> members;
   for (std::size_t i = 0; i < nodes; ++i) {
@@ -128,6 +142,14 @@ Spacecraft::Spacecraft(Kernel& kernel)
   }
   ring_ = std::make_unique<Ring>(kernel_, network_, members);
   can_.set_tap([this](pid_t writer) { check_writer(writer); });
+  station_ =
+      std::make_unique<Station>(kernel_, dictionary(), link_, key_, commands_, [this](const Octets& octets) {
+        Host& ttc = host(Lane::ttc);
+        if (!ttc.is_up()) return;  // nobody reads the line
+        ttc.give([&ttc, octets] {
+          static_cast<Ttc*>(static_cast<NodeProcess*>(ttc.program())->logic())->on_line(octets);
+        });
+      });
   boots_ = 1;
   boot_id_ = "boot1";
   powered_ = true;
@@ -181,9 +203,37 @@ std::unique_ptr<Program> Spacecraft::make_logic(Host& made_for) {
                               host(Lane::ttc), static_cast<std::uint8_t>(first_can_address + i), boot_id_,
                               profiles[i]});
     }
+    case Lane::ttc:
+      return std::make_unique<Ttc>(made_for, ttc_surroundings());
     default:
       return nullptr;
   }
+}
+
+TtcSurroundings Spacecraft::ttc_surroundings() {
+  UplinkConfig uplink;
+  uplink.spacecraft_id = static_cast<std::uint16_t>(link_.spacecraft_id);
+  uplink.cltu.randomized = link_.tc_randomizer;
+  uplink.channels.push_back(UplinkChannel{.vc = 0, .associations = {}});
+  uplink.channels.back().associations.push_back(UplinkAssociation{
+      .spi = 1, .key = wire::SdlsKey(key_.octets()), .for_ad = true, .for_bd = true, .set = KeySet::a});
+  DownlinkConfig downlink;
+  downlink.spacecraft_id = static_cast<std::uint16_t>(link_.spacecraft_id);
+  downlink.baud = static_cast<std::uint32_t>(link_.baud);
+  std::vector<Host*> nodes_there;
+  for (const auto& h : hosts_) nodes_there.push_back(h.get());
+  return {topics_,
+          disk_,
+          ttc_flash_,
+          dictionary(),
+          std::move(uplink),
+          downlink,
+          boot_id_,
+          boots_,
+          network_,
+          std::move(nodes_there),
+          [this](const char* why) { kernel_.later(nanoseconds(0), [this, why] { cut_power(why, true); }); },
+          commands_};
 }
 
 void Spacecraft::on_process(Host& host) {
@@ -198,6 +248,7 @@ void Spacecraft::cut_power(const char* why, bool by_watchdog) {
   kernel_.trace(Lane::world, Lane::world, why, boots_);
   for (const auto& host : hosts_) host->end("power cut");
   can_.lose_computer();
+  ttc_flash_.lose_power();
   holder_word_.holder.reset();
   ring_->lose_power();
   watchdog_ = {.fed = std::nullopt, .bit = by_watchdog};

@@ -14,6 +14,7 @@
 #include "tests/simulation/disk.hpp"
 #include "tests/simulation/payload.hpp"
 #include "tests/simulation/ring.hpp"
+#include "tests/simulation/station.hpp"
 #include "tests/simulation/switcher.hpp"
 #include "tests/simulation/timing.hpp"
 #include "tests/simulation/topics.hpp"
@@ -30,6 +31,10 @@ class Device final : public PowerLine {
   void set_fault(sim::PeripheralFault fault, milliseconds delay, sim::FaultCure cure);
   void set_stuck(bool stuck) { stuck_ = stuck; }
   void step(nanoseconds dt) { model_->step(dt); }
+  /// Called for each telecommand that it carries out.
+  void on_executed(std::function<void(std::uint32_t telecommand_id)> callback) {
+    on_executed_ = std::move(callback);
+  }
   [[nodiscard]] const sim::Peripheral& peripheral() const { return peripheral_; }
 
  private:
@@ -43,6 +48,8 @@ class Device final : public PowerLine {
   sim::PeripheralEndpoint endpoint_;
   Deadline timer_;
   bool stuck_ = false;
+  std::uint64_t executed_ = 0;
+  std::function<void(std::uint32_t telecommand_id)> on_executed_;
 };
 
 /// The nine nodes of launch_config/sim.yaml with what is around them. The logic of the nodes, the ring and
@@ -63,6 +70,8 @@ class Spacecraft {
   [[nodiscard]] CanLine& can() { return can_; }
   [[nodiscard]] Disk& disk() { return disk_; }
   [[nodiscard]] Gps& gps() { return gps_; }
+  [[nodiscard]] Station& station() { return *station_; }
+  [[nodiscard]] CommandRecord& commands() { return commands_; }
   [[nodiscard]] Ring& ring() { return *ring_; }
   [[nodiscard]] const SwitcherSurroundings::Ledger& ledger() const { return ledger_; }
   [[nodiscard]] const sim::SpacecraftWorld& world() const { return world_; }
@@ -79,6 +88,7 @@ class Spacecraft {
   void check_writer(pid_t writer);
   void schedule_pulse();
   [[nodiscard]] Payload* payload(std::size_t i);
+  [[nodiscard]] TtcSurroundings ttc_surroundings();
 
   Kernel& kernel_;
   Network network_{kernel_};
@@ -99,6 +109,11 @@ class Spacecraft {
   bool powered_ = false;
   MissionCycle newest_cycle_ = 0;
   MissionCycle reserved_cycle_ = 0;
+  suite::LinkSettings link_;
+  wire::SdlsKey key_;
+  TtcFlash ttc_flash_;
+  CommandRecord commands_;
+  std::unique_ptr<Station> station_;
   std::vector<pid_t> owners_;  ///< process of each payload, also after its end
 };
 

@@ -23,11 +23,6 @@ std::vector<std::string> names_of(const std::vector<Host*>& hosts) {
   return names;
 }
 
-Octets octets_of(const std::string& text) {
-  const OctetView view = as_octets(text);
-  return {view.begin(), view.end()};
-}
-
 }  // namespace
 
 Timing::Timing(Host& host, TimingSurroundings surroundings)
@@ -168,7 +163,7 @@ Octets Timing::record_now(MissionCycle ceiling) const {
   TimingRecord record{ceiling,         time().utc_at(now),  now,
                       around_.boot_id, pulses.time_valid(), time().error_at(now).value_or(seconds(1000))};
   if (pulses.drift_known()) record.drift_ppm = pulses.drift_ppm();
-  return octets_of(encode_timing_record(record));
+  return octets_of_text(encode_timing_record(record));
 }
 
 void Timing::save(MissionCycle ceiling) {
@@ -187,9 +182,10 @@ void Timing::run(BootActions actions) {
       host_.trace(host_.lane(), "boot", boot->count, static_cast<std::uint64_t>(boot->cause));
     const auto* saved = std::get_if<SaveBootRecord>(&action);
     if (saved == nullptr) continue;
-    around_.disk.write(host_, "boot", octets_of(wire::encode_boot_record(saved->record)), [this](bool ok) {
-      if (!ok) boot_->on_write_failed();
-    });
+    around_.disk.write(host_, "boot", octets_of_text(wire::encode_boot_record(saved->record)),
+                       [this](bool ok) {
+                         if (!ok) boot_->on_write_failed();
+                       });
   }
 }
 

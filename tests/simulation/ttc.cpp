@@ -1,0 +1,324 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
+#include "tests/simulation/ttc.hpp"
+
+#include "base/text.hpp"
+
+namespace srfs::simulation {
+namespace {
+
+constexpr std::size_t journal_worker_capacity = 2;
+constexpr std::uint8_t telecommand_channel = 0;
+constexpr seconds command_loss{259'200};
+// Of the true time; the first tick corrects it.
+const UtcTime unknown_utc{seconds(1'767'225'600)};
+
+std::optional<Stage> to_stage(std::uint8_t number) {
+  const auto stage = static_cast<Stage>(number);
+  return is_valid(stage) && stage != Stage::routing ? std::optional(stage) : std::nullopt;
+}
+
+}  // namespace
+
+void TtcFlash::lose_power() {
+  journal.failing = false;
+  journal.lose_at = journal.calls;
+  try {
+    (void)journal.sync(0);
+  } catch (const testing_support::PowerLoss&) {
+  }
+}
+
+Ttc::Ttc(Host& host, TtcSurroundings surroundings)
+    : host_(host),
+      around_(std::move(surroundings)),
+      log_(around_.flash.journal),
+      timer_(host.kernel(), host.guard(), [this] {
+        core_->on_deadline(host_.now());
+        core_->on_line_idle(host_.now());
+        advance();
+      }) {
+  core_.emplace(read_setup());
+  core_->restore(host_.now());
+  run(core_->take_actions());
+  subscribe();
+  start_periods();
+  core_->activate(host_.now());
+  advance();
+}
+
+/// A kill or power cut in the middle of a write: it may have been done.
+Ttc::~Ttc() {
+  if (journal_jobs_.empty() || (host_.pid() & 1) != 0 || around_.flash.journal.failing) return;
+  const JournalBatch& batch = journal_jobs_.front();
+  (void)(batch.snapshot ? log_.snapshot(*batch.snapshot) : log_.append(batch.records, batch.sync));
+}
+
+std::string Ttc::text_of(const std::string& name) const {
+  const auto content = around_.disk.read("ttc/" + name);
+  return content ? std::string(as_text(*content)) : std::string();
+}
+
+TtcCore::Setup Ttc::read_setup() {
+  const std::string mode = text_of("mode");
+  const bool ran = around_.disk.read("ttc/mode").has_value();
+  DownlinkConfig downlink = around_.downlink;
+  downlink.first_counts = around_.flash.frame_counts;
+  TtcCore::Setup setup{
+      .dictionary = around_.dictionary,
+      .node = host_.name(),
+      .journal = AcceptanceJournal(around_.boot_id, seconds(60)),
+      .uplink = std::move(around_.uplink),
+      .downlink = downlink,
+      .mode = ModeManager(ran ? StoredModeState::present : StoredModeState::first_start, mode,
+                          MissionMode::nominal),
+      .transmitter = TransmitterSwitch(around_.boot_id, text_of("transmitter"), host_.now()),
+      .command_loss = CommandLossTimer(around_.boot_id, text_of("command_loss"), command_loss, host_.now()),
+      .stores = text_of("stores"),
+      .keys = {},
+      .boot = {.count = around_.boot_count},
+      .clock = SpacecraftClock(unknown_utc, host_.now())};
+  (void)around_.disk.write_now("ttc/mode", octets_of_text(setup.mode.stored_text()));
+  (void)around_.disk.write_now("ttc/transmitter", octets_of_text(setup.transmitter.stored_text()));
+  load_journal(setup);
+  return setup;
+}
+
+/// As StoredState does.
+void Ttc::load_journal(TtcCore::Setup& setup) {
+  const JournalLog::Found found = log_.load();
+  setup.journal_damaged_octets = found.damaged_octets;
+  for (const JournalRecord& record : found.records) {
+    if (!setup.journal.apply(record)) throw Violation{"L4", "a record of ttc's journal that cannot be read"};
+  }
+  const LinkState& copy = around_.flash.link_copy;
+  setup.copied_generation = copy.generation;
+  setup.journal.begin(copy, first_telecommand_id(copy.next_telecommand_id, 0, unknown_utc), host_.now());
+  const bool nothing = !setup.journal.has_state() && setup.journal.link().generation == 0;
+  setup.first_start = nothing && !found.existed;
+  if (!nothing) return;
+  const JournalBatch batch = setup.journal.take_batch(true);
+  const auto written =
+      batch.snapshot ? log_.snapshot(*batch.snapshot) : log_.append(batch.records, batch.sync);
+  setup.journal.on_written(batch, written.has_value(), log_.used_octets());
+}
+
+void Ttc::subscribe() {
+  Topics& topics = around_.topics;
+  topics.time_tick.subscribe(host_, [this](const auto& tick, Host&) {
+    const ReceivedTick received{.utc_s = static_cast<std::uint32_t>(tick.utc.sec),
+                                .utc_ns = tick.utc.nanosec,
+                                .monotonic_ns = tick.monotonic_ns,
+                                .period_us = tick.period_us,
+                                .time_valid = tick.time_valid,
+                                .sync_state = tick.sync_state};
+    if (core_->on_tick(received, tick.cycle, host_.now()) || core_->waits_for_time()) advance();
+  });
+  topics.event.subscribe(host_, [this](const auto& m, Host&) {
+    if (core_->on_event(m.source, m.event_id, m.severity, m.data, host_.now())) pump_downlink();
+  });
+  topics.telemetry.subscribe(host_, [this](const auto& m, Host&) {
+    if (core_->on_telemetry(m.source, m.apid, m.structure_id, m.data, host_.now())) pump_downlink();
+  });
+  topics.telecommand_report.subscribe(host_, [this](const auto& m, Host&) {
+    const auto stage = to_stage(m.stage);
+    if (!stage) return;
+    core_->on_telecommand_report(m.node,
+                                 {.id = m.id,
+                                  .stage = *stage,
+                                  .success = m.success,
+                                  .failure_code = m.failure_code,
+                                  .step = m.progress_step,
+                                  .data = m.data},
+                                 host_.now());
+    advance();
+  });
+}
+
+void Ttc::every(nanoseconds period, std::function<void()> work) {
+  host_.every(period, [this, work = std::move(work)] {
+    work();
+    advance();
+  });
+}
+
+void Ttc::start_periods() {
+  every(seconds(1), [this] { core_->commit_stores(true, host_.now()); });
+  every(ModeManager::publish_period, [this] { core_->publish_mode(); });
+  every(seconds(30), [this] { core_->send_schedule_housekeeping(host_.now()); });
+  every(seconds(10), [this] {
+    core_->copy_link_state();
+    core_->store_open_progress();
+  });
+  every(seconds(5), [this] { core_->send_own_housekeeping({}, host_.now()); });
+  every(seconds(30), [this] { core_->send_beacon(telecommand_channel, host_.now()); });
+}
+
+// ---------------------------------------------------------------- line
+
+void Ttc::on_line(const Octets& octets) {
+  OctetView rest(octets);
+  while (!rest.empty()) {
+    const std::size_t part = std::min(rest.size(), TtcCore::read_octets);
+    core_->on_octets(rest.first(part), host_.now());
+    rest = rest.subspan(part);
+  }
+  advance();
+}
+
+void Ttc::pump_downlink() {
+  bool again = false;
+  do {
+    core_->fill_downlink(host_.now());
+    run(core_->take_actions());
+    while (auto cadu = core_->next_cadu(host_.now())) {
+      around_.flash.frame_counts = core_->frame_counts();
+      host_.output([this, cadu = std::move(*cadu)] { around_.witness.on_cadu(cadu); });
+    }
+    again = !again && core_->wants_playback();
+  } while (again);
+  timer_.arm(core_->next_due(host_.now()));
+}
+
+void Ttc::advance() {
+  if (!core_->remembered().journal_durable) around_.witness.on_storage_lost();
+  if (run(core_->settle(host_.now()))) pump_downlink();
+}
+
+bool Ttc::run(TtcCore::Actions actions) {
+  return actions_.run(std::move(actions), [this](const TtcAction& action) {
+    host_.action_point();
+    std::visit([this](const auto& a) { carry_out(a); }, action);
+  });
+}
+
+// ---------------------------------------------------------------- disk
+
+void Ttc::carry_out(const WriteJournal& action) {
+  if (journal_jobs_.size() == journal_worker_capacity) {
+    core_->on_journal_written(action.batch, Err(FileError{"the journal's worker is busy"}), 0, host_.now());
+    return;
+  }
+  journal_jobs_.push_back(action.batch);
+  if (journal_jobs_.size() == 1) work_on_journal();
+}
+
+void Ttc::work_on_journal() {
+  host_.later(around_.disk.write_time(), [this] {
+    const JournalBatch batch = std::move(journal_jobs_.front());
+    journal_jobs_.pop_front();
+    around_.flash.journal.failing = around_.disk.failing();
+    const auto written =
+        batch.snapshot ? log_.snapshot(*batch.snapshot) : log_.append(batch.records, batch.sync);
+    host_.trace(Lane::world, written ? "journal written" : "journal not written", batch.revision);
+    if (!journal_jobs_.empty()) work_on_journal();
+    core_->on_journal_written(batch, written, log_.used_octets(), host_.now());
+    advance();
+  });
+}
+
+void Ttc::carry_out(const WriteState& action) {
+  around_.disk.write(host_, "ttc/" + action.name, octets_of_text(action.text),
+                     [this, change = action.change](bool stored) {
+                       core_->on_state_written(change, stored);
+                       advance();
+                     });
+}
+
+void Ttc::carry_out(const WriteKeys& action) {
+  core_->on_keys_written(action.change, true, host_.now());
+}
+
+void Ttc::carry_out(const CopyLinkState& action) {
+  if (!around_.disk.failing()) around_.flash.link_copy = action.state;
+}
+
+void Ttc::carry_out(const ForgetWantedFloor& /*action*/) {}
+
+void Ttc::carry_out(const CommitStores& action) {
+  host_.later(around_.disk.write_time(), [this, commit = std::make_shared<const CommitStores>(action)] {
+    core_->on_committed(*commit, {}, {});
+    advance();
+  });
+}
+
+void Ttc::carry_out(const ReadStore& action) {
+  host_.later(around_.disk.write_time(), [this, read = std::make_shared<const ReadStore>(action)] {
+    core_->on_store_read(*read, std::nullopt, host_.now());
+    advance();
+  });
+}
+
+// ---------------------------------------------------------------- other nodes
+
+void Ttc::carry_out(const PublishTelecommand& action) {
+  const mission::Command& command = *action.telecommand.command;
+  srfs_msgs::msg::Telecommand message;
+  message.id = action.telecommand.origin.id;
+  message.target = command.node;
+  message.apid = command.apid;
+  message.function_id = command.function_id;
+  message.repeat_class = static_cast<std::uint8_t>(command.repeat_class);
+  message.expiry_ns = static_cast<std::uint64_t>(action.telecommand.expiry.ns());
+  message.arguments = action.telecommand.arguments;
+  around_.witness.on_published(action.telecommand);
+  around_.topics.telecommand.publish(host_, std::move(message));
+}
+
+void Ttc::carry_out(const PublishMode& action) {
+  host_.trace(host_.lane(), "mode", static_cast<std::uint64_t>(action.mode));
+}
+
+void Ttc::carry_out(const RaiseEvent& action) {
+  srfs_msgs::msg::Event m;
+  m.source = host_.name();
+  m.event_id = action.event_id;
+  m.severity = static_cast<std::uint8_t>(action.severity);
+  m.data = action.data;
+  host_.trace(host_.lane(), "event", action.event_id);
+  around_.topics.event.publish(host_, std::move(m));
+}
+
+void Ttc::carry_out(const TestConnection& action) {
+  bool answers = false;
+  for (const Host* node : around_.nodes) answers = answers || (node->name() == action.node && node->runs());
+  host_.later(answers ? around_.network.delay() : seconds(2), [this, answers] {
+    core_->on_connection_answer(answers);
+    advance();
+  });
+}
+
+void Ttc::carry_out(const CallParameter& action) {
+  host_.later(seconds(4), [this, number = action.call.number] {
+    core_->parameters().on_error(number, ParameterCallError::no_answer);
+    advance();
+  });
+}
+
+void Ttc::carry_out(const ServeFile& /*action*/) {
+  core_->on_file_refused(host_.now());
+}
+
+void Ttc::carry_out(const TakeFilesTurn& /*action*/) {
+  core_->on_files_turn_refused(host_.now());
+}
+
+void Ttc::carry_out(const ServeImaging& /*action*/) {}
+
+void Ttc::carry_out(const ServeImages& action) {
+  core_->on_imaging_job(action.order, {});
+}
+
+void Ttc::carry_out(const ReopenLine& /*action*/) {}
+
+void Ttc::carry_out(const RestartComputer& /*action*/) {
+  around_.restart_computer("ttc restarts the computer");
+}
+
+void Ttc::carry_out(const AcceptanceSent& action) {
+  core_->on_acceptance_sent(host_.now() - action.received);
+}
+
+void Ttc::carry_out(const LogLine& /*action*/) {}
+
+}  // namespace srfs::simulation

@@ -1,0 +1,107 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <deque>
+#include <memory>
+#include <optional>
+#include <string>
+
+#include "base/action_queue.hpp"
+#include "nodes/ttc/command/journal_log.hpp"
+#include "nodes/ttc/test/simulated_medium.hpp"
+#include "nodes/ttc/ttc_core.hpp"
+#include "tests/simulation/disk.hpp"
+#include "tests/simulation/topics.hpp"
+
+namespace srfs::simulation {
+
+/// The medium of ttc's journal: what was written and not synced is lost with the power, in any order, whole
+/// or in part; not with the process. The other state of ttc that is no text file.
+struct TtcFlash {
+  explicit TtcFlash(std::uint64_t seed) : journal(seed) {}
+  testing_support::SimulatedMedium journal;
+  LinkState link_copy;
+  wire::TmFrameCounts frame_counts;  ///< in the mapped page: outlives the process, and what is read at a boot
+  void lose_power();
+};
+
+/// Sees what ttc does, for the invariants.
+class TtcWitness {
+ public:
+  virtual ~TtcWitness() = default;
+  /// A node is asked to execute it.
+  virtual void on_published(const Telecommand& telecommand) = 0;
+  /// Its journal does not reach the disk now: what is under way may be forgotten with the process.
+  virtual void on_storage_lost() = 0;
+  /// Octets leave on the line to the ground.
+  virtual void on_cadu(const Octets& cadu) = 0;
+};
+
+struct TtcSurroundings {
+  Topics& topics;
+  Disk& disk;
+  TtcFlash& flash;
+  const mission::Dictionary& dictionary;
+  UplinkConfig uplink;
+  DownlinkConfig downlink;
+  std::string boot_id;
+  std::uint32_t boot_count = 0;
+  Network& network;
+  std::vector<Host*> nodes;  ///< by place in the ring
+  std::function<void(const char* why)> restart_computer;
+  TtcWitness& witness;
+};
+
+/// ttc's logic (TtcCore with its journal, JournalLog and all services) with what TtcNode, TtcDisk and
+/// StoredState translate, over played surroundings.
+class Ttc final : public Program {
+ public:
+  Ttc(Host& host, TtcSurroundings surroundings);
+  ~Ttc() override;
+  [[nodiscard]] const TtcCore& core() const { return *core_; }
+  /// Octets came up the line.
+  void on_line(const Octets& octets);
+
+ private:
+  [[nodiscard]] std::string text_of(const std::string& name) const;
+  [[nodiscard]] TtcCore::Setup read_setup();
+  void load_journal(TtcCore::Setup& setup);
+  void subscribe();
+  void start_periods();
+  void every(nanoseconds period, std::function<void()> work);
+  void advance();
+  bool run(TtcCore::Actions actions);
+  void pump_downlink();
+  void carry_out(const WriteJournal& action);
+  void carry_out(const WriteState& action);
+  void carry_out(const WriteKeys& action);
+  void carry_out(const CopyLinkState& action);
+  void carry_out(const ForgetWantedFloor& action);
+  void carry_out(const CommitStores& action);
+  void carry_out(const ReadStore& action);
+  void carry_out(const PublishTelecommand& action);
+  void carry_out(const PublishMode& action);
+  void carry_out(const RaiseEvent& action);
+  void carry_out(const TestConnection& action);
+  void carry_out(const CallParameter& action);
+  void carry_out(const ServeFile& action);
+  void carry_out(const TakeFilesTurn& action);
+  void carry_out(const ServeImaging& action);
+  void carry_out(const ServeImages& action);
+  void carry_out(const ReopenLine& action);
+  void carry_out(const RestartComputer& action);
+  void carry_out(const AcceptanceSent& action);
+  void carry_out(const LogLine& action);
+  void work_on_journal();
+
+  Host& host_;
+  TtcSurroundings around_;
+  JournalLog log_;
+  std::optional<TtcCore> core_;
+  ActionQueue<TtcAction> actions_;
+  std::deque<JournalBatch> journal_jobs_;  ///< the first is being written
+  Deadline timer_;
+};
+
+}  // namespace srfs::simulation
