@@ -3,8 +3,8 @@
 #include "ground/time_tag.hpp"
 
 #include <algorithm>
+#include <cctype>
 #include <cmath>
-#include <sstream>
 #include <utility>
 
 #include <fmt/format.h>
@@ -60,9 +60,26 @@ std::optional<TimeTag> parse_time_tag(std::string_view text) {
 }
 
 Words words_of(std::string_view line) {
-  std::istringstream in{std::string(line)};
   Words words;
-  for (std::string word; in >> word;) words.push_back(word);
+  std::string word;
+  bool begun = false;
+  bool quoted = false;
+  const auto end = [&] {
+    if (begun) words.push_back(std::exchange(word, ""));
+    begun = false;
+  };
+  for (const char c : line) {
+    if (c == '"') {
+      quoted = !quoted;
+      begun = true;
+    } else if (!quoted && std::isspace(static_cast<unsigned char>(c)) != 0) {
+      end();
+    } else {
+      word += c;
+      begun = true;
+    }
+  }
+  end();
   return words;
 }
 

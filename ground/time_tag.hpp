@@ -27,7 +27,7 @@ inline constexpr std::string_view time_tag_forms =
     "a UTC time like 2026-11-22T10:00:00Z, or +200ms, +30s, +10m, +2h";
 
 using Words = std::vector<std::string>;
-/// What stands between spaces in a line.
+/// What stands between spaces in a line; in "quotes" a space belongs to the word.
 [[nodiscard]] Words words_of(std::string_view line);
 /// Takes "--timeout DURATION" out of the words. @return what it says, if it is there; the error is a message
 [[nodiscard]] Result<std::optional<milliseconds>, std::string> take_timeout(Words& words);

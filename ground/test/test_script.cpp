@@ -42,6 +42,12 @@ TEST(Script, ReadsEveryKindOfLine) {
   EXPECT_EQ(steps->at(10).vr, 255);
 }
 
+TEST(Script, QuotesKeepSpacesInOneWord) {
+  const auto steps = parse("tc event_action.add event=a \"request=eps.switch_load load=2\"");
+  ASSERT_TRUE(steps);
+  EXPECT_EQ(steps->at(0).arguments, (std::vector<std::string>{"event=a", "request=eps.switch_load load=2"}));
+}
+
 TEST(Script, NamesTheLineItCannotRead) {
   for (const std::string_view wrong : {"nonsense",
                                        "tc",

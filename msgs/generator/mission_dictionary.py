@@ -55,6 +55,7 @@ class Dictionary:
         self.enums = {}
         self.structures, self.commands, self.events, self.parameters = [], [], [], []
         self.payloads, self.parameter_ids, self.beacon = [], {}, {}
+        self.monitors, self.event_actions = [], []
         for file in files_of(pathlib.Path(folder)):
             self._merge(file)
         for fragment in fragments:
@@ -76,6 +77,8 @@ class Dictionary:
             raise DictionaryError(f"{file.name}: a fragment has only {', '.join(sorted(FRAGMENT_KEYS))}")
         self.spacecraft.update(content.get("spacecraft", {}))
         self.payloads += content.get("payloads", [])
+        self.monitors += content.get("monitors", [])
+        self.event_actions += content.get("event_actions", [])
         self.parameter_ids.update(content.get("parameter_ids", {}))
         self.beacon.update(content.get("beacon", {}))
         for name, enum in content.get("enums", {}).items():

@@ -168,6 +168,41 @@ def enum_entry(name, enum):
     return wrapped(f"- `{name}` ({enum['type']}): {enum['description']}. Values: {labels}", "  ")
 
 
+def elements(d, fields):
+    """(name, field) of each element, structures laid out in place: as a monitor names them."""
+    for field in fields:
+        if "structure" in field:
+            yield from elements(d, d.structure_of[field["structure"]]["fields"])
+        elif field.get("count", 1) == 1:
+            yield field["name"], field
+        else:
+            for i in range(field["count"]):
+                yield field["name"] + (f".{field['labels'][i]}" if "labels" in field else f"[{i}]"), field
+
+
+def monitor_rows(d):
+    """The factory set of monitors, as nodes/ttc/services/monitoring.cpp makes it."""
+    rows = [(m["id"], m["parameter"], f"{m['check']} {bounds([m.get('low'), m.get('high')])}", m.get("low_event", m.get("high_event", ""))) for m in d.monitors]
+    listed = {(m["parameter"], m.get("low"), m.get("high")) for m in d.monitors}
+    structures = sorted((s for s in d.structures if "id" in s and not s["fragment"]), key=lambda s: s["id"])
+    number, stale = 1000, []
+    for structure in structures:
+        for name, field in elements(d, structure["fields"]):
+            if structure["name"] == "beacon" and field["name"] in d.beacon:
+                continue
+            for kind_of_limit in ("soft", "hard"):
+                low, high = field.get("limits", {}).get(kind_of_limit, (None, None))
+                if low is None and high is None:
+                    continue
+                if (f"{structure['name']}.{name}", low, high) not in listed:
+                    rows.append((number, f"{structure['name']}.{name}", bounds([low, high]), f"monitor.{kind_of_limit}_limit"))
+                number += 1
+        if structure["node"] != "ttc" and structure["interval_ms"] >= 1000:
+            first = next(name for name, _ in elements(d, structure["fields"]))
+            stale.append((2000 + structure["id"], f"{structure['name']}.{first}", f"a sample in {10 * structure['interval_ms'] // 1000} s", "monitor.stale"))
+    return rows + stale
+
+
 def main():
     parser = argparse.ArgumentParser()
     parser.add_argument("--dictionary", required=True)
@@ -177,7 +212,7 @@ def main():
     environment = jinja2.Environment(loader=jinja2.FileSystemLoader(pathlib.Path(__file__).parent), trim_blocks=True,
                                      lstrip_blocks=True, undefined=jinja2.StrictUndefined)
     environment.globals.update(d=load(arguments.dictionary), enum_entry=enum_entry, event_entry=event_entry, field_table=field_table, how=how, kind=kind,
-                               parameter_list=parameter_list, remarks=remarks, table=table, wrapped=wrapped)
+                               parameter_list=parameter_list, monitor_rows=monitor_rows, remarks=remarks, table=table, wrapped=wrapped)
     text = environment.get_template("mission_reference.md.jinja").render().rstrip("\n") + "\n"
     page = pathlib.Path(arguments.page)
     too_long = [line for line in text.splitlines() if len(line) > LONGEST]

@@ -18,7 +18,7 @@ from mission_dictionary import FragmentView, OCTETS, camel, has_packet, has_para
 
 CPP = {"u8": "std::uint8_t", "u16": "std::uint16_t", "u32": "std::uint32_t", "u64": "std::uint64_t", "i8": "std::int8_t",
        "i16": "std::int16_t", "i32": "std::int32_t", "i64": "std::int64_t", "f32": "float", "f64": "double", "bool": "bool",
-       "time": "TaiTime", "text": "std::string"}
+       "time": "TaiTime", "text": "std::string", "packet": "Octets"}
 SEVERITIES = {"info": 1, "low": 2, "medium": 3, "high": 4}
 KEYWORDS = {"auto", "default", "switch", "new", "delete", "register"}
 
@@ -59,6 +59,8 @@ class Emitter:
         name = "element" if "count" in field else owner + field["name"]
         if field["type"] == "text":
             put = f"detail::put_text(out, {name}, {field['max']});"
+        elif field["type"] == "packet":
+            put = f"out.bytes({name});"
         elif linear(field):
             offset, scale = linear(field)
             put = f"detail::put(out, detail::to_raw<{CPP[field['type']]}>({name}, {offset}, {scale}, {self.unknown(field)}));"
@@ -73,6 +75,8 @@ class Emitter:
         name = "element" if "count" in field else f"{owner}.{field['name']}"
         if field["type"] == "text":
             take = f"if (!detail::take_text(in, {name}, {field['max']})) return std::nullopt;"
+        elif field["type"] == "packet":
+            take = f"if (!detail::take_packet(in, {name}, {field['max']})) return std::nullopt;"
         elif linear(field):
             offset, scale = linear(field)
             take = f"{name} = detail::from_raw(detail::take<{CPP[field['type']]}>(in), {offset}, {scale}, {self.unknown(field)});"

@@ -125,8 +125,9 @@ class TypeWriter:
         kind = field.get("reference")
         if kind == "structure":
             return [(s["id"], s["name"]) for s in self.dictionary.structures if "id" in s]
-        if kind == "event":
-            return [(e["id"], e["name"]) for e in self.dictionary.events]
+        if kind in ("event", "event_or_none"):
+            none = [(0, "none")] if kind == "event_or_none" else []
+            return none + [(e["id"], e["name"]) for e in self.dictionary.events]
         if kind == "store":
             return [(s["id"], s["name"]) for s in self.dictionary.stores]
         if kind == "parameter":
@@ -325,8 +326,8 @@ class Telemetry:
         if base:
             criteria = element(element(made, "BaseContainer", {"containerRef": base}), "RestrictionCriteria")
             comparisons = element(criteria, "ComparisonList")
-            for parameter, value in conditions:
-                element(comparisons, "Comparison", {"parameterRef": parameter, "value": value})
+            for parameter, value, *operator in conditions:
+                element(comparisons, "Comparison", {"parameterRef": parameter, "value": value, "comparisonOperator": operator[0] if operator else None})
         return entry_list
 
 
@@ -386,7 +387,7 @@ class Document:
         tm.container("housekeeping", ["structure_id"], "pus_tm", [("service", 3), ("subtype", 25)], abstract=True,
                      description="TM 3,25: housekeeping report")
         tm.bits("event_id", 16, "Event")
-        tm.container("event_report", ["event_id"], "pus_tm", [("service", 5)], abstract=True, description="TM 5,1 to 5,4: event report")
+        tm.container("event_report", ["event_id"], "pus_tm", [("service", 5), ("subtype", 5, "<")], abstract=True, description="TM 5,1 to 5,4: event report")
         if self.d.parameters:
             tm.bits("parameter_count", 16, "Parameters in the report, always 1")
             tm.bits("parameter_id", 16, "Node parameter")
@@ -464,11 +465,13 @@ class Document:
         description = structure.get("description", "")
         is_report = structure["kind"] == "report"
         title = "TM {},{}".format(*structure["service"]) if is_report else f"Structure {structure['id']}"
-        when = "Sent on request" if is_report else f"Live every {structure['interval_ms']} ms unless changed by command"
+        when = ("Sent when it happens" if "unasked" in description else "Sent on request") if is_report else f"Live every {structure['interval_ms']} ms unless changed by command"
         system = element(parent, "SpaceSystem", {"name": structure["name"], "shortDescription": title})
         element(system, "LongDescription", text=f"{description}. {when}")
         tm = Telemetry(self.tm_types, system, path)
-        entries = [e for field in with_fields_in_place(self.d, structure["fields"]) for e in tm.field(field)]
+        # XTCE has no word for a whole packet: what stands before it is described.
+        fields = [field for field in with_fields_in_place(self.d, structure["fields"]) if field["type"] != "packet"]
+        entries = [e for field in fields for e in tm.field(field)]
         if is_report:
             base, conditions = "pus_tm", [("service", structure["service"][0]), ("subtype", structure["service"][1])]
         else:

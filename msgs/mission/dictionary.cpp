@@ -4,12 +4,15 @@
 
 #include <algorithm>
 #include <cmath>
+#include <iterator>
 #include <limits>
+#include <sstream>
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
 #include "base/text.hpp"
+#include "wire/pus.hpp"
 
 namespace srfs::mission {
 namespace {
@@ -121,35 +124,55 @@ LimitState judge(const Field& field, double v) {
   return LimitState::green;
 }
 
-std::string reference_name(const Dictionary& d, Reference reference, std::uint16_t id) {
+bool has_none(Reference reference) {
+  return reference == Reference::failure_code || reference == Reference::event_or_none ||
+         reference == Reference::telemetry;
+}
+
+std::string element_name(const Field& field, std::size_t index) {
+  if (field.count == 1) return field.name;
+  return field.name + (field.labels.empty() ? fmt::format("[{}]", index) : "." + field.labels[index]);
+}
+
+std::string reference_name(const Dictionary& d, Reference reference, std::uint32_t number) {
+  if (number == 0 && has_none(reference)) return "none";
+  if (reference == Reference::telemetry) return d.telemetry_name(number);
+  if (number > UINT16_MAX) return "";
+  const auto id = static_cast<std::uint16_t>(number);
   switch (reference) {
     case Reference::structure:
       if (const auto* s = d.structure(id)) return s->name;
       break;
     case Reference::event:
+    case Reference::event_or_none:
       if (const auto* e = d.event(id)) return e->name;
       break;
     case Reference::store:
       if (const auto* s = d.store(id)) return s->name;
       break;
     case Reference::failure_code:
-      if (id == 0) return "none";
       if (const auto* f = d.failure_code(id)) return f->name;
       break;
     case Reference::parameter:
       if (const auto* p = d.parameter(id)) return p->name;
       break;
+    case Reference::telemetry:
     case Reference::none:
       break;
   }
   return "";
 }
 
-std::optional<std::uint16_t> reference_id(const Dictionary& d, Reference reference, std::string_view name) {
+std::optional<std::uint32_t> reference_id(const Dictionary& d, Reference reference, std::string_view name) {
   switch (reference) {
+    case Reference::telemetry:
+      return name == "none" ? std::optional<std::uint32_t>(0) : d.telemetry(name);
     case Reference::structure:
       if (const auto* s = d.structure(name); s != nullptr && s->id != 0) return s->id;
       break;
+    case Reference::event_or_none:
+      if (name == "none") return 0;
+      [[fallthrough]];
     case Reference::event:
       if (const auto* e = d.event(name)) return e->id;
       break;
@@ -171,7 +194,10 @@ std::string_view kind_of(Reference reference) {
     case Reference::structure:
       return "housekeeping structure";
     case Reference::event:
+    case Reference::event_or_none:
       return "event";
+    case Reference::telemetry:
+      return "element of a housekeeping structure (STRUCTURE.FIELD)";
     case Reference::store:
       return "packet store";
     case Reference::failure_code:
@@ -191,7 +217,7 @@ std::string text_of(const Dictionary& d, const Field& field, const Value& value)
       return label != field.enumeration->labels.end() ? label->second : fmt::format("{}?", *integer);
     }
     if (field.reference != Reference::none) {
-      const std::string name = reference_name(d, field.reference, static_cast<std::uint16_t>(*integer));
+      const std::string name = reference_name(d, field.reference, static_cast<std::uint32_t>(*integer));
       return name.empty() ? fmt::format("{}?", *integer) : name;
     }
     if (field.hex) return fmt::format("0x{:0{}x}", *integer, octets_of(field.type) * 2);
@@ -213,9 +239,7 @@ bool says_unknown(const Field& field, const Value& raw) {
 
 DecodedField interpret(const Dictionary& d, const Field& field, std::size_t index, Value value) {
   DecodedField out;
-  out.name = field.name;
-  if (field.count > 1)
-    out.name += field.labels.empty() ? fmt::format("[{}]", index) : "." + field.labels[index];
+  out.name = element_name(field, index);
   out.unit = field.unit;
   out.known = !says_unknown(field, value);
   if (!field.calibration.empty())
@@ -285,13 +309,34 @@ class ArgumentText {
   }
 
   Result<void, CommandError> write_packet(const Field& field, std::string_view text, OctetWriter& out) const {
-    const auto octets = from_hex(text);
+    auto octets = from_hex(text);
+    if (!octets) {
+      auto made = packet_of(text);
+      if (!made) {
+        return error(field, "is not a whole packet in hexadecimal, nor a telecommand: {}",
+                     made.error().message);
+      }
+      octets = std::move(*made);
+    }
     OctetReader in(octets ? OctetView(*octets) : OctetView{});
     Octets packet;
     if (!detail::take_packet(in, packet, field.max_text) || in.remaining() != 0)
       return error(field, "is not a whole packet in hexadecimal of at most {} octets", field.max_text);
     out.bytes(packet);
     return {};
+  }
+
+  /// A telecommand as it is written: its name and its arguments.
+  [[nodiscard]] Result<Octets, CommandError> packet_of(std::string_view text) const {
+    std::istringstream words{std::string(text)};
+    std::string name;
+    words >> name;
+    const auto encoded = d_.encode(name, {std::istream_iterator<std::string>(words), {}});
+    if (!encoded) return Err(encoded.error());
+    return wire::make_tc_packet({.apid = encoded->command->apid,
+                                 .service = encoded->command->service,
+                                 .subtype = encoded->command->subtype,
+                                 .application = encoded->data});
   }
 
   Result<void, CommandError> write_bool(const Field& field, std::string_view text, OctetWriter& out) const {
@@ -364,7 +409,7 @@ class ArgumentText {
                    range_text(field, bounds.low.value_or(lowest), bounds.high.value_or(highest)));
     }
     if (field.reference != Reference::none &&
-        reference_name(d_, field.reference, static_cast<std::uint16_t>(value->magnitude)).empty()) {
+        reference_name(d_, field.reference, static_cast<std::uint32_t>(value->magnitude)).empty()) {
       return error(field, "no {} has the number {}", kind_of(field.reference), text);
     }
     // Two's complement for negative numbers.
@@ -421,7 +466,7 @@ bool is_allowed(const Dictionary& d, const Field& field, const Value& value) {
   if (const auto integer = as_integer(value)) {
     if (field.enumeration != nullptr) return field.enumeration->labels.contains(*integer);
     if (field.reference != Reference::none &&
-        reference_name(d, field.reference, static_cast<std::uint16_t>(*integer)).empty())
+        reference_name(d, field.reference, static_cast<std::uint32_t>(*integer)).empty())
       return false;
   }
   const auto number = as_number(value);
@@ -499,6 +544,44 @@ std::optional<std::size_t> Dictionary::offset_of(const Structure& structure, std
     offset += each.max_size();
   }
   return std::nullopt;
+}
+
+std::optional<TelemetryElement> Dictionary::telemetry(std::uint32_t number) const {
+  const Structure* const from = structure(static_cast<std::uint16_t>(number >> 16U));
+  std::size_t element = number & 0xFFFFU;
+  if (from == nullptr) return std::nullopt;
+  for (const Field& field : from->fields) {
+    if (element < field.count) return TelemetryElement{from, &field, element};
+    element -= field.count;
+  }
+  return std::nullopt;
+}
+
+std::optional<std::uint32_t> Dictionary::telemetry(std::string_view name) const {
+  const auto dot = name.find('.');
+  const Structure* const from = structure(name.substr(0, dot));
+  if (from == nullptr || from->id == 0 || dot == std::string_view::npos) return std::nullopt;
+  std::uint32_t number = static_cast<std::uint32_t>(from->id) << 16U;
+  for (const Field& field : from->fields) {
+    for (std::size_t i = 0; i < field.count; ++i, ++number) {
+      if (element_name(field, i) == name.substr(dot + 1)) return number;
+    }
+  }
+  return std::nullopt;
+}
+
+std::string Dictionary::telemetry_name(std::uint32_t number) const {
+  const auto element = telemetry(number);
+  return element ? element->structure->name + "." + element_name(*element->field, element->index) : "";
+}
+
+std::optional<double> Dictionary::take_number(const Field& field, OctetReader& in) {
+  const auto raw = take_raw(field, in);
+  if (!raw || !in.ok() || says_unknown(field, *raw)) return std::nullopt;
+  const auto* truth = std::get_if<bool>(&*raw);
+  const auto number = truth != nullptr ? std::optional(*truth ? 1.0 : 0.0) : as_number(*raw);
+  if (!number || std::isnan(*number)) return std::nullopt;
+  return field.calibration.empty() ? *number : evaluate(field.calibration, *number);
 }
 
 const ApplicationProcess* Dictionary::apid_of_node(std::string_view node) const {

@@ -42,7 +42,16 @@ enum class FieldType : std::uint8_t {
 };
 
 /// What a number in a field names, so that people write and read the name.
-enum class Reference : std::uint8_t { none, structure, event, store, failure_code, parameter };
+enum class Reference : std::uint8_t {
+  none,
+  structure,
+  event,
+  event_or_none,  ///< 0: none
+  store,
+  failure_code,
+  parameter,
+  telemetry,  ///< an element of a housekeeping structure, as Dictionary::telemetry; 0: none
+};
 
 /// Bounds of which either may be missing. Inclusive: a value on the bound is inside.
 struct Bounds {
@@ -233,6 +242,14 @@ struct BeaconSource {
   float scale = 1;
 };
 
+/// An element of a housekeeping structure: what a monitor watches. Its number is the structure's id (16
+/// bits), then the number of the element, from 0; its name is STRUCTURE.ELEMENT, as DecodedField names it.
+struct TelemetryElement {
+  const Structure* structure = nullptr;
+  const Field* field = nullptr;
+  std::size_t index = 0;  ///< in an array
+};
+
 struct RefusedFragment {
   std::string name;
   std::string why;
@@ -277,6 +294,19 @@ class Dictionary {
   [[nodiscard]] const std::vector<BeaconSource>& beacon_sources() const { return beacon_sources_; }
   /// The attitude, body to inertial, a quaternion with the scalar last; nothing: this mission measures none.
   [[nodiscard]] const std::optional<TelemetryPlace>& attitude() const { return attitude_; }
+  /// What the mission's file watches and does by itself at first: arguments of the telecommands monitor.add
+  /// and event_action.add, which are good.
+  using Arguments = std::vector<std::string>;
+  [[nodiscard]] const std::vector<Arguments>& monitors() const { return monitors_; }
+  [[nodiscard]] const std::vector<Arguments>& event_actions() const { return event_actions_; }
+  /// nullopt: there is none.
+  [[nodiscard]] std::optional<TelemetryElement> telemetry(std::uint32_t number) const;
+  [[nodiscard]] std::optional<std::uint32_t> telemetry(std::string_view name) const;
+  /// "STRUCTURE.ELEMENT"; empty: there is none.
+  [[nodiscard]] std::string telemetry_name(std::uint32_t number) const;
+  /// Takes one element off @p in. @return its value, calibrated; nullopt: it is unknown, no number, or not
+  /// there
+  [[nodiscard]] static std::optional<double> take_number(const Field& field, OctetReader& in);
   /// Octets before a field, when nothing before it varies in length; of an array, of its first element.
   [[nodiscard]] static std::optional<std::size_t> offset_of(const Structure& structure,
                                                             std::string_view field);
@@ -305,7 +335,8 @@ class Dictionary {
 
   // Ground side: text to octets.
   /// @param arguments "key=value"; values are numbers (decimal, 0x...), enum labels, names of references,
-  /// true/false, ISO 8601 times, or packets in hexadecimal; a unit may follow a number directly ("1000ms").
+  /// true/false, ISO 8601 times, or packets in hexadecimal or as telecommands ("eps.switch_load load=2
+  /// state=off"); a unit may follow a number directly ("1000ms").
   /// One group of a repeated one, or none if none is given and none need be.
   [[nodiscard]] Result<EncodedCommand, CommandError> encode(std::string_view command,
                                                             const std::vector<std::string>& arguments) const;
@@ -346,6 +377,8 @@ class Dictionary {
   std::vector<Parameter> parameters_;
   std::vector<std::string> payloads_;
   std::vector<BeaconSource> beacon_sources_;
+  std::vector<Arguments> monitors_;
+  std::vector<Arguments> event_actions_;
   std::optional<TelemetryPlace> attitude_;
 };
 

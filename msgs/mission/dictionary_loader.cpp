@@ -125,9 +125,13 @@ std::optional<std::int64_t> parse_unknown(const ConfigSection& section, const Fi
 
 Reference parse_reference(const ConfigSection& section) {
   const std::string name = section.choice(
-      "reference", {"none", "structure", "event", "store", "failure_code", "parameter"}, "none");
+      "reference",
+      {"none", "structure", "event", "event_or_none", "store", "failure_code", "parameter", "telemetry"},
+      "none");
   if (name == "structure") return Reference::structure;
   if (name == "event") return Reference::event;
+  if (name == "event_or_none") return Reference::event_or_none;
+  if (name == "telemetry") return Reference::telemetry;
   if (name == "store") return Reference::store;
   if (name == "failure_code") return Reference::failure_code;
   if (name == "parameter") return Reference::parameter;
@@ -180,6 +184,10 @@ class DictionaryLoader {
       }
     }
     for (std::size_t i = 0; i < own; ++i) read_sources(files_[i]);
+    for (std::size_t i = 0; i < own; ++i) {
+      read_telecommands(files_[i], "monitors", "monitor.add", d_.monitors_);
+      read_telecommands(files_[i], "event_actions", "event_action.add", d_.event_actions_);
+    }
     for (std::size_t i = 0; i < own; ++i) files_[i].finish();
     check_unique();
     return std::move(d_);
@@ -260,6 +268,20 @@ class DictionaryLoader {
     const ConfigSection attitude = file.section("attitude");
     d_.attitude_ = read_place(attitude, 4);
     attitude.finish();
+  }
+
+  /// Arguments of a telecommand, once for each entry.
+  void read_telecommands(const ConfigSection& file, std::string_view key, std::string_view command,
+                         std::vector<Dictionary::Arguments>& into) const {
+    for (const ConfigSection& section : file.sections(key)) {
+      Dictionary::Arguments arguments;
+      for (const std::string& argument : section.keys())
+        arguments.push_back(argument + "=" + section.raw(argument).as<std::string>(""));
+      if (const auto encoded = d_.encode(command, arguments); !encoded)
+        throw file.bad(key, fmt::format("arguments of {}: {}", command, encoded.error().message));
+      section.finish();
+      into.push_back(std::move(arguments));
+    }
   }
 
   void read_store(const ConfigSection& section) {

@@ -115,6 +115,7 @@ void AddedNodes::fill_again(TtcCore& core, const mission::Dictionary& old) const
   for (const mission::Event& event : dictionary_.events()) {
     if (!core.events().knows(event.id)) core.events().add_event(event.id);
   }
+  core.on_dictionary_changed();
 }
 
 void AddedNodes::report_refused() {

@@ -71,6 +71,17 @@ std::string StoredState::load_stores() const {
   return read_file(folder_ / "stores", 4096).value_or("");
 }
 
+FoundTable StoredState::load_table(std::string_view name) const {
+  auto file = stored_table_file(folder_ / name);
+  auto found = file.load();
+  if (found.state && !found.damaged.empty()) {  // the damaged copy is made whole
+    if (const auto stored = file.store(*found.state); !stored.problem.empty())
+      log::error("{}", stored.problem);
+  }
+  const bool damaged = found.existed() && !found.state;
+  return {.table = std::move(found.state), .damaged = damaged};
+}
+
 KeySelection StoredState::load_keys(UplinkConfig& config, std::vector<TtcCore::KeyNews>& news) const {
   auto file = key_selection_file(folder_ / "key_selection");
   const auto found = file.load();
@@ -157,6 +168,12 @@ bool StoredState::write(const std::string& name, const std::string& text) const 
 
 bool StoredState::write_keys(const KeySelection& selection) const {
   const auto stored = key_selection_file(folder_ / "key_selection").store(selection);
+  if (!stored.problem.empty()) log::error("{}", stored.problem);
+  return stored.durable();
+}
+
+bool StoredState::write_table(const std::string& name, const StoredTable& table) const {
+  const auto stored = stored_table_file(folder_ / name).store(table);
   if (!stored.problem.empty()) log::error("{}", stored.problem);
   return stored.durable();
 }

@@ -33,6 +33,8 @@ class StoredState {
   [[nodiscard]] CommandLossTimer load_command_loss(seconds patience, MonotonicTime now) const;
   /// Settings of the packet stores, empty when there are none.
   [[nodiscard]] std::string load_stores() const;
+  /// The table of a service.
+  [[nodiscard]] FoundTable load_table(std::string_view name) const;
   /// Chooses the set of each channel: as it was stored, else one that can be used.
   [[nodiscard]] KeySelection load_keys(UplinkConfig& config, std::vector<TtcCore::KeyNews>& news) const;
   /// Journal and link state into @p setup, and what their state means.
@@ -52,6 +54,7 @@ class StoredState {
   [[nodiscard]] std::filesystem::path path_of(const std::string& name) const { return folder_ / name; }
   [[nodiscard]] bool write(const std::string& name, const std::string& text) const;
   [[nodiscard]] bool write_keys(const KeySelection& selection) const;
+  [[nodiscard]] bool write_table(const std::string& name, const StoredTable& table) const;
   void copy_link_state(const LinkState& state);
   void forget_wanted_floor() const;
 

@@ -56,6 +56,8 @@ TtcCore::TtcCore(Setup setup)
       parameters_(dictionary_, report_queue_, mission::apid::ttc),
       file_service_(report_queue_, mission::apid::ttc),
       imaging_(report_queue_, setup.lane),
+      monitoring_(dictionary_, setup.monitors, report_queue_),
+      event_actions_(dictionary_, report_queue_),
       router_({.dictionary = dictionary_,
                .mode = mode_,
                .hazards = hazards_,
@@ -63,7 +65,8 @@ TtcCore::TtcCore(Setup setup)
                .report_queue = report_queue_,
                .services = {&housekeeping_, &events_, &mode_service_, &arming_, &key_service_,
                             &transmitter_service_, &time_reports_, &schedule_, &retrieval_, &stores_,
-                            &connections_, &parameters_, &file_service_, &imaging_}},
+                            &connections_, &parameters_, &file_service_, &imaging_, &monitoring_,
+                            &event_actions_}},
               node_),
       uplink_(std::move(setup.uplink), journal_.link()),
       gate_(setup.persist_deadline, journal_.revision()),
@@ -82,6 +85,9 @@ TtcCore::TtcCore(Setup setup)
       unusable_keys_(std::move(setup.unusable_keys)),
       key_news_(std::move(setup.key_news)) {
   schedule_.set_request_check([this](OctetView packet) { return router_.check_scheduled(packet); });
+  event_actions_.load(setup.event_actions, [this](OctetView packet) { return why_no_action(packet); });
+  if (setup.monitors.damaged) damaged_tables_.push_back(MonitoringService::table_name);
+  if (setup.event_actions.damaged) damaged_tables_.push_back(EventActionService::table_name);
 }
 
 // ---- start and end
@@ -91,6 +97,8 @@ void TtcCore::restore(MonotonicTime now) {
   journal_.tell_refused_again(report_queue_);
   for (const AcceptedTelecommand* t : journal_.known()) {
     AcceptanceJournal::tell_again(*t, journal_.told(), report_queue_);
+    if (t->origin.source_id == EventActionService::on_board_source)
+      event_actions_.on_known_release(t->packet, t->accepted_at);
     if (!t->end) router_.restore(*t, now);
   }
   if (journal_.open() > 0)
@@ -113,6 +121,7 @@ void TtcCore::activate(MonotonicTime now) {
   }
   if (floor_wanted_ == FloorWanted::counters_lost) report_counters(0, "any is taken until the time is valid");
   report_keys_at_start();
+  report_damaged_tables();
   if (command_loss_.lost() && mode_.mode() != MissionMode::safe) enter_safe_mode();
 }
 
@@ -130,6 +139,8 @@ TtcCore::Actions TtcCore::settle(MonotonicTime now) {
   now_ = now;
   run_command_loss();
   run_schedule();
+  run_monitoring();
+  run_event_actions();
   persist_journal();
   execute_passed();
   send_released();
@@ -144,6 +155,7 @@ TtcCore::Actions TtcCore::settle(MonotonicTime now) {
   store_key_change();
   store_transmitter_change();
   store_stores_change();
+  store_tables();
   report_rejections();
   report_hazards();
   report_findings();
@@ -170,6 +182,8 @@ std::optional<MonotonicTime> TtcCore::next_due(MonotonicTime now) const {
   sooner(uplink_.idle_deadline());
   if (const auto in = schedule_.next_due_in())
     sooner(now + (*in > nanoseconds(0) ? *in : schedule_retry_period));
+  sooner(event_actions_.next_due(now));
+  if (monitoring_.is_reporting()) sooner(now + schedule_retry_period);
   sooner(file_service_.next_due());
   sooner(imaging_.next_due(imaging_time(now)));
   sooner(files_.next_due(downlink_.room_octets(DownlinkChannel::files)));
@@ -398,6 +412,107 @@ bool TtcCore::release(const ScheduledActivity& activity) {
   }
   gate_.enter(std::move(judged), journal_.revision(), now_);
   return true;
+}
+
+// ---- monitoring and event-action
+
+void TtcCore::run_monitoring() {
+  monitoring_.monitoring().on_time(clock_.tai_at(now_), now_);
+  report_transitions();
+  monitoring_.go_on(downlink_.room_octets(DownlinkChannel::live));
+}
+
+void TtcCore::run_event_actions() {
+  for (const auto& event : event_actions_.drop_overdue(now_)) raise(event);
+  // One whose node has no room does not hold up the others.
+  for (const EventActionService::Due& due : event_actions_.due(now_)) {
+    if (event_actions_.may_release(now_)) static_cast<void>(release_action(due));
+  }
+  for (const auto& event : event_actions_.take_delayed()) raise(event);
+  for (const auto& event : event_actions_.take_unusable()) send_event(event);
+}
+
+/// In the form of an activity of the schedule: one record accepts it, and nothing is done before that is on
+/// disk.
+bool TtcCore::release_action(const EventActionService::Due& due) {
+  if (!gate_.has_room() || !journal_.has_room()) return false;
+  const auto sequence = static_cast<std::uint16_t>(journal_.next_id() & 0x3FFF);
+  const Octets request = EventActionService::request_of(due.packet, sequence);
+  JudgedTelecommand judged = router_.judge(request, now_);
+  if (!judged.refusal) {
+    report_contradiction(due, judged.telecommand);
+    const UplinkedPacket packet{.frame = {}, .packet = request, .link = uplink_.state()};
+    judged.telecommand.origin.id = journal_.accept(judged.telecommand, packet, now_);
+    event_actions_.on_released(due.key, now_);
+    mission::EventActionReleasedEvent event;
+    event.event = due.key.event;
+    event.apid = due.raised_by;
+    event.telecommand = judged.telecommand.origin.id;
+    event.command = judged.telecommand.command->name;
+    raise(event);
+  } else if (judged.refusal->code == mission::failure::queue_full) {
+    return false;
+  } else {
+    record_refusal(judged, journal_.link());
+    event_actions_.on_refused(due.key, now_);
+  }
+  gate_.enter(std::move(judged), journal_.revision(), now_);
+  return true;
+}
+
+void TtcCore::report_contradiction(const EventActionService::Due& due, const Telecommand& released) {
+  const mission::Command& command = *released.command;
+  for (const AcceptedTelecommand* other : journal_.known()) {
+    if (other->end) continue;
+    const auto packet = wire::parse_tc_packet(other->packet);
+    if (!packet || packet->apid != command.apid || packet->service != command.service ||
+        packet->subtype != command.subtype)
+      continue;
+    OctetReader in(packet->application);
+    if (command.is_function() && in.u16() != command.function_id) continue;
+    const OctetView arguments = in.rest();
+    if (std::equal(arguments.begin(), arguments.end(), released.arguments.begin(), released.arguments.end()))
+      continue;
+    mission::EventActionContradictionEvent event;
+    event.event = due.key.event;
+    event.apid = due.raised_by;
+    event.command = command.name;
+    event.telecommand = other->origin.id;
+    raise(event);
+  }
+}
+
+std::optional<std::uint16_t> TtcCore::why_no_action(OctetView packet) const {
+  if (const auto error = router_.check_scheduled(packet)) return error->first;
+  const auto parsed = wire::parse_tc_packet(packet);
+  const bool is_function = parsed && parsed->service == 8;
+  const mission::Command* command =
+      !parsed       ? nullptr
+      : is_function ? dictionary_.function(parsed->apid, OctetReader(parsed->application).u16())
+                    : dictionary_.request(parsed->apid, parsed->service, parsed->subtype);
+  const bool allowed = command != nullptr && !command->hazardous && !event_actions_.provides(*command);
+  return allowed ? std::nullopt : std::optional<std::uint16_t>(mission::failure::none);
+}
+
+void TtcCore::store_tables() {
+  if (auto change = monitoring_.take_change())
+    act(WriteTable{std::string(MonitoringService::table_name), std::move(*change)});
+  if (auto change = event_actions_.take_change())
+    act(WriteTable{std::string(EventActionService::table_name), std::move(*change)});
+}
+
+void TtcCore::on_table_written(const std::string& name, const TableChange& change, bool stored) {
+  if (name == MonitoringService::table_name) return monitoring_.on_stored(change, stored);
+  event_actions_.on_stored(change, stored);
+}
+
+void TtcCore::report_damaged_tables() {
+  for (const std::string_view table : std::exchange(damaged_tables_, {})) {
+    log(LogLine::Level::error, fmt::format("the stored {} are damaged: the factory set is used", table));
+    mission::MonitorTableDamagedEvent event;
+    event.table = table;
+    send_event(event);
+  }
 }
 
 // ---- command loss

@@ -34,7 +34,9 @@
 #include "nodes/ttc/report/event_reporter.hpp"
 #include "nodes/ttc/services/command_loss_timer.hpp"
 #include "nodes/ttc/services/connection_tester.hpp"
+#include "nodes/ttc/services/event_action_service.hpp"
 #include "nodes/ttc/services/housekeeping_scheduler.hpp"
+#include "nodes/ttc/services/monitoring_service.hpp"
 #include "nodes/ttc/services/own_functions.hpp"
 #include "nodes/ttc/services/parameter_service.hpp"
 #include "nodes/ttc/services/schedule_service.hpp"
@@ -68,6 +70,11 @@ struct WriteState {
 struct WriteKeys {
   KeySelection selection;
   KeyChange change;
+};
+/// The table of a service that a telecommand has changed. Answer: on_table_written().
+struct WriteTable {
+  std::string name;
+  TableChange change;
 };
 /// The second home of the link state, should the journal be damaged.
 struct CopyLinkState {
@@ -141,10 +148,11 @@ struct LogLine {
   std::string text;
 };
 
-using TtcAction = std::variant<WriteJournal, WriteState, WriteKeys, CopyLinkState, ForgetWantedFloor,
-                               CommitStores, ReadStore, PublishTelecommand, PublishMode, RaiseEvent,
-                               TestConnection, CallParameter, ServeFile, TakeFilesTurn, ServeImaging,
-                               ServeImages, ReopenLine, RestartComputer, AcceptanceSent, LogLine>;
+using TtcAction =
+    std::variant<WriteJournal, WriteState, WriteKeys, WriteTable, CopyLinkState, ForgetWantedFloor,
+                 CommitStores, ReadStore, PublishTelecommand, PublishMode, RaiseEvent, TestConnection,
+                 CallParameter, ServeFile, TakeFilesTurn, ServeImaging, ServeImages, ReopenLine,
+                 RestartComputer, AcceptanceSent, LogLine>;
 
 /// Why the counters of the uplink get a floor as soon as the time is valid.
 enum class FloorWanted : std::uint8_t { no, first_start, counters_lost };
@@ -191,6 +199,8 @@ class TtcCore {
     TransmitterSwitch transmitter;
     CommandLossTimer command_loss;
     std::string stores;  ///< StoreControl::stored_text()
+    FoundTable monitors{};
+    FoundTable event_actions{};
     KeySelection keys;
     BootTold boot;
     SpacecraftClock clock;
@@ -250,6 +260,7 @@ class TtcCore {
                           std::size_t used_octets, MonotonicTime now);
   void on_state_written(const StateChange& change, bool stored);
   void on_keys_written(const KeyChange& change, bool stored, MonotonicTime now);
+  void on_table_written(const std::string& name, const TableChange& change, bool stored);
   void on_committed(const CommitStores& commit, const PacketStoresStatus& status,
                     const Result<void, FileError>& counts);
   void on_commit_refused(CommitStores commit);
@@ -281,6 +292,10 @@ class TtcCore {
   [[nodiscard]] BeaconBuilder& beacon() { return beacon_; }
   [[nodiscard]] HousekeepingScheduler& housekeeping() { return housekeeping_; }
   [[nodiscard]] EventReporter& events() { return events_; }
+  /// The content of the dictionary was replaced.
+  void on_dictionary_changed() { monitoring_.monitoring().resolve(); }
+  /// settle() has something to decide.
+  [[nodiscard]] bool has_waiting_actions() const { return event_actions_.waiting() > 0; }
   void set_repeat_window(milliseconds window) { journal_.set_repeat_window(window); }
   void set_command_loss(seconds patience) { command_loss_.set_patience(patience); }
 
@@ -302,6 +317,7 @@ class TtcCore {
   void send_files_housekeeping(MonotonicTime now);
   void send_schedule_housekeeping(MonotonicTime now);
   void send_imaging_housekeeping(MonotonicTime now);
+  void send_monitoring_housekeeping(MonotonicTime now);
   template <class Structure>
   void send_housekeeping(const Structure& h, MonotonicTime now) {
     send_sample(h.apid, h.structure_id, h.encoded(), now);
@@ -351,6 +367,19 @@ class TtcCore {
   /// @return false: no room for it now
   bool release(const ScheduledActivity& activity);
   void fill_next_scheduled(BeaconInputs& inputs) const;
+  // Monitoring and event-action
+  void monitor(std::uint16_t structure_id, OctetView data);
+  void run_monitoring();
+  void report_transitions();
+  void run_event_actions();
+  /// @return false: no room for it now
+  bool release_action(const EventActionService::Due& due);
+  /// A telecommand under way orders the same function, or request, with other arguments.
+  void report_contradiction(const EventActionService::Due& due, const Telecommand& released);
+  /// Why a telecommand cannot be an action; nullopt: it can.
+  [[nodiscard]] std::optional<std::uint16_t> why_no_action(OctetView packet) const;
+  void store_tables();
+  void report_damaged_tables();
   // Command loss
   void on_contact();
   void run_command_loss();
@@ -426,6 +455,8 @@ class TtcCore {
   ParameterService parameters_;
   FileService file_service_;
   ImagingScheduler imaging_;
+  MonitoringService monitoring_;
+  EventActionService event_actions_;
   TelecommandRouter router_;
   UplinkChain uplink_;
   PersistenceGate gate_;
@@ -455,9 +486,10 @@ class TtcCore {
   /// Of the link state with their floor, until it is stored.
   std::optional<std::uint64_t> raised_generation_;
   KeySelection key_selection_;
-  std::vector<UnusableKey> unusable_keys_;  ///< their associations are left out
-  std::vector<KeyNews> key_news_;           ///< of the start, to be reported
-  std::deque<ImagingOrder> imaging_jobs_;   ///< for the disk; a few for each task
+  std::vector<UnusableKey> unusable_keys_;        ///< their associations are left out
+  std::vector<KeyNews> key_news_;                 ///< of the start, to be reported
+  std::vector<std::string_view> damaged_tables_;  ///< of the start, to be reported
+  std::deque<ImagingOrder> imaging_jobs_;         ///< for the disk; a few for each task
   bool imaging_job_runs_ = false;
 };
 

@@ -56,6 +56,17 @@ void TtcDisk::carry_out(const WriteKeys& action) {
   if (!taken) done(false);
 }
 
+void TtcDisk::carry_out(const WriteTable& action) {
+  const auto written = std::make_shared<const WriteTable>(action);
+  const auto done = [this, written](bool stored) {
+    core_.on_table_written(written->name, written->change, stored);
+    answered_();
+  };
+  const bool taken = workers_.state->ask(
+      [this, written] { return state_->write_table(written->name, written->change.table); }, done);
+  if (!taken) done(false);
+}
+
 void TtcDisk::carry_out(const CopyLinkState& action) {
   workers_.state->post([this, state = action.state] { state_->copy_link_state(state); });
 }

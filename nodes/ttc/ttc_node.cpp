@@ -279,8 +279,10 @@ void TtcNode::publish_telemetry(const srfs_msgs::msg::PayloadTelemetry& sample) 
 
 void TtcNode::on_telemetry(const srfs_msgs::msg::PayloadTelemetry& message) {
   if (!is_active()) return;
-  if (core_->on_telemetry(message.source, message.apid, message.structure_id, message.data, now()))
-    pump_downlink();
+  const bool sends =
+      core_->on_telemetry(message.source, message.apid, message.structure_id, message.data, now());
+  if (core_->has_waiting_actions()) return advance();
+  if (sends) pump_downlink();
 }
 
 void TtcNode::on_telecommand_report(const srfs_msgs::msg::TelecommandReport& message) {

@@ -247,6 +247,8 @@ TtcCore::Setup TtcNode::read_setup(StoredState& state, const FrameCountFile& fra
       .command_loss =
           state.load_command_loss(seconds(get_parameter<std::int64_t>("command_loss_s")), monotonic_now()),
       .stores = state.load_stores(),
+      .monitors = state.load_table(MonitoringService::table_name),
+      .event_actions = state.load_table(EventActionService::table_name),
       .keys = std::move(keys),
       .boot = load_boot(var()),
       .clock = SpacecraftClock(system_utc_now(), monotonic_now()),
@@ -329,7 +331,9 @@ void TtcNode::subscribe() {
                            [this](const srfs_msgs::msg::TimeTick& m) { on_tick(m); }));
   keep(create_subscription(suite::topics::event, [this](const srfs_msgs::msg::Event& m) {
     if (!is_active()) return;
-    if (core_->on_event(m.source, m.event_id, m.severity, m.data, now())) pump_downlink();
+    const bool sends = core_->on_event(m.source, m.event_id, m.severity, m.data, now());
+    if (core_->has_waiting_actions()) return advance();
+    if (sends) pump_downlink();
   }));
   keep(create_subscription(suite::topics::telecommand_report,
                            [this](const srfs_msgs::msg::TelecommandReport& m) { on_telecommand_report(m); }));
@@ -387,6 +391,7 @@ ros::CallbackReturn TtcNode::on_activate() {
   every(seconds(30), "files housekeeping", [this] { core_->send_files_housekeeping(now()); });
   every(seconds(30), "schedule housekeeping", [this] { core_->send_schedule_housekeeping(now()); });
   every(seconds(30), "imaging housekeeping", [this] { core_->send_imaging_housekeeping(now()); });
+  every(seconds(30), "monitoring housekeeping", [this] { core_->send_monitoring_housekeeping(now()); });
   every(link_state_copy_period, "copy link state", [this] {
     core_->copy_link_state();
     core_->store_open_progress();

@@ -43,13 +43,36 @@ void TtcCore::send(const Report& report) {
 
 void TtcCore::send_sample(std::uint16_t apid, std::uint16_t structure_id, OctetView data, MonotonicTime now) {
   now_ = now;
-  if (const auto report = housekeeping_.on_sample(apid, structure_id, data, now)) send(*report);
+  const auto report = housekeeping_.on_sample(apid, structure_id, data, now);
+  if (!report) return;
+  send(*report);
+  monitor(structure_id, data);
+}
+
+void TtcCore::monitor(std::uint16_t structure_id, OctetView data) {
+  monitoring_.monitoring().on_sample(structure_id, data, clock_.tai_at(now_), now_);
+  report_transitions();
+}
+
+void TtcCore::report_transitions() {
+  for (const Monitoring::Transition& transition : monitoring_.monitoring().take_transitions()) {
+    if (const auto report = monitoring_.report_of(transition, now_)) send(*report);
+    const mission::Event* event = dictionary_.event(transition.event);
+    if (event == nullptr) continue;
+    mission::MonitorSoftLimitEvent content;  // all events of monitors have the same
+    content.definition = transition.definition;
+    content.parameter = transition.parameter;
+    content.value = transition.value;
+    content.limit = transition.limit;
+    if (const auto report = own_event(event->severity, event->id, content.encoded())) send(*report);
+  }
 }
 
 std::optional<Report> TtcCore::own_event(mission::EventSeverity severity, std::uint16_t event_id,
                                          OctetView data) {
-  return events_.on_event(dictionary_.apid_of_node(node_)->apid, event_id,
-                          static_cast<std::uint8_t>(severity), data, now_);
+  const std::uint16_t apid = dictionary_.apid_of_node(node_)->apid;
+  event_actions_.on_event(apid, event_id, now_);
+  return events_.on_event(apid, event_id, static_cast<std::uint8_t>(severity), data, now_);
 }
 
 std::optional<Octets> TtcCore::next_cadu(MonotonicTime now) {
@@ -356,6 +379,7 @@ bool TtcCore::on_telemetry(const std::string& node, std::uint16_t apid, std::uin
   beacon_.on_telemetry(node, structure_id, data, now);
   boot_ = beacon_.boot().value_or(boot_);
   send(*report);
+  monitor(structure_id, data);
   return true;
 }
 
@@ -363,6 +387,8 @@ bool TtcCore::on_event(const std::string& node, std::uint16_t event_id, std::uin
                        MonotonicTime now) {
   now_ = now;
   const mission::ApplicationProcess* source = dictionary_.apid_of_node(node);
+  // Also of an event that is disabled or comes too often: what is reported is another matter.
+  if (source != nullptr && events_.knows(event_id)) event_actions_.on_event(source->apid, event_id, now);
   const auto report =
       events_.on_event(source != nullptr ? source->apid : std::uint16_t{1}, event_id, severity, data, now);
   if (report) send(*report);
@@ -519,6 +545,13 @@ void TtcCore::send_schedule_housekeeping(MonotonicTime now) {
   send_housekeeping(h, now);
 }
 
+void TtcCore::send_monitoring_housekeeping(MonotonicTime now) {
+  mission::TtcMonitoringHousekeeping h;
+  monitoring_.fill(h);
+  event_actions_.fill(h);
+  send_housekeeping(h, now);
+}
+
 void TtcCore::send_imaging_housekeeping(MonotonicTime now) {
   send_housekeeping(imaging_.housekeeping(), now);
 }
@@ -561,10 +594,12 @@ void TtcCore::send_beacon(std::uint8_t farm_channel, MonotonicTime now) {
   schedule_.on_time(clock_.tai_at(now), clock_.valid());
   fill_next_scheduled(in);
   using mission::Beacon;
-  auto report = housekeeping_.on_sample(Beacon::apid, Beacon::structure_id, beacon_.build(in, now), now);
+  const Octets content = beacon_.build(in, now);
+  auto report = housekeeping_.on_sample(Beacon::apid, Beacon::structure_id, content, now);
   if (!report) return;
   report->live = true;  // unasked and in every mode: it cannot be switched off
   send(*report);
+  monitor(Beacon::structure_id, content);
 }
 
 }  // namespace srfs

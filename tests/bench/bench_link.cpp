@@ -35,6 +35,12 @@ int main(int argc, char** argv) {
   c->add_option("--seed", store.seed)->capture_default_str();
   c->callback([&] { result = measure_store(store); });
 
+  MonitorOptions monitors;
+  c = app.add_subcommand("monitors", "On-board monitoring with 1000 definitions");
+  c->add_option("--seconds", monitors.seconds)->check(CLI::Range(10, 1000000))->capture_default_str();
+  c->add_option("--seed", monitors.seed)->capture_default_str();
+  c->callback([&] { result = measure_monitors(monitors); });
+
   FillOptions fill;
   c = app.add_subcommand("fill", "Writes a store of reports of 2026-01-01 for a spacecraft that is not up");
   c->add_option("folder", fill.folder, "Of the store")->required();

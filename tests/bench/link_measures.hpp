@@ -33,6 +33,15 @@ struct StoreOptions {
 /// @throws std::runtime_error when the store cannot be created or more data is lost
 [[nodiscard]] Json measure_store(const StoreOptions& options);
 
+struct MonitorOptions {
+  int seconds = 2000;  ///< of a flight
+  std::uint64_t seed = 1;
+};
+
+/// On-board monitoring with a full table: CPU for the periodic samples of all nodes at their intervals, and
+/// for one change of the table. @throws std::runtime_error when nothing was checked
+[[nodiscard]] Json measure_monitors(const MonitorOptions& options);
+
 struct FillOptions {
   std::filesystem::path folder;  ///< of the store; must not contain segments
   std::uint64_t packets = 1000;

@@ -1,12 +1,14 @@
 // SPDX-FileCopyrightText: 2026 SRFS contributors
 // SPDX-License-Identifier: Apache-2.0
-// Arguments of services 20 and 23. All arguments that the dictionary accepts become orders and calls within
-// their bounds, and every request ends.
+// Arguments of services 12, 19, 20 and 23. All arguments that the dictionary accepts become orders and calls
+// within their bounds, and every request ends.
 #include <cstdlib>
 
 #include <mission/structures.hpp>
 
 #include "nodes/ttc/files/file_service.hpp"
+#include "nodes/ttc/services/event_action_service.hpp"
+#include "nodes/ttc/services/monitoring_service.hpp"
 #include "nodes/ttc/services/parameter_service.hpp"
 
 namespace {
@@ -22,7 +24,9 @@ void serve(const mission::Dictionary& dictionary, OctetView input) {
   static const std::vector<const mission::Command*> commands = [&] {
     std::vector<const mission::Command*> found;
     for (const auto& command : dictionary.commands()) {
-      if (command.service == 20 || command.service == 23) found.push_back(&command);
+      const bool own =
+          command.service == 12 || command.service == 19 || command.service == 20 || command.service == 23;
+      if (own) found.push_back(&command);
     }
     return found;
   }();
@@ -37,7 +41,20 @@ void serve(const mission::Dictionary& dictionary, OctetView input) {
   ReportQueue report_queue;
   FileService files(report_queue, 1);
   ParameterService parameters(dictionary, report_queue, 1);
-  if (command.service == 23) {
+  if (command.service == 12) {
+    MonitoringService monitoring(dictionary, {}, report_queue);
+    monitoring.execute(telecommand, now);
+    if (const auto change = monitoring.take_change()) monitoring.on_stored(*change, true);
+    monitoring.go_on(1U << 20);
+    require(monitoring.monitoring().table().size() <= Monitoring::max_definitions);
+  } else if (command.service == 19) {
+    EventActionService actions(dictionary, report_queue);
+    actions.load({}, [](OctetView) { return std::nullopt; });
+    actions.execute(telecommand, now);
+    if (const auto change = actions.take_change()) actions.on_stored(*change, true);
+    actions.on_event(1, mission::event::node_error, now);
+    require(actions.table().size() <= EventActionService::max_actions && actions.waiting() <= 2);
+  } else if (command.service == 23) {
     files.execute(telecommand, now);
     if (const auto order = files.next_order(now)) {
       require(order->repository.size() <= 255 && order->name.size() <= 255 && order->operations.size() <= 16);

@@ -8,6 +8,8 @@ namespace srfs {
 
 void EventReporter::execute(const Telecommand& telecommand, MonotonicTime /*now*/) {
   constexpr std::uint8_t enable = 5;
+  constexpr std::uint8_t report = 7;
+  if (telecommand.command->subtype == report) return report_disabled(telecommand.origin);
   OctetReader reader(telecommand.arguments);
   const unsigned count = reader.u16();
   for (unsigned i = 0; i < count; ++i) {
@@ -18,6 +20,24 @@ void EventReporter::execute(const Telecommand& telecommand, MonotonicTime /*now*
     return;
   }
   report_queue_.done(telecommand.origin);
+}
+
+void EventReporter::report_disabled(const TelecommandOrigin& origin) {
+  constexpr std::uint8_t disabled_report = 8;
+  report_queue_.success(origin, Stage::start);
+  for (const auto& [id, event] : events_) {
+    if (event.enabled) continue;
+    mission::EventDisabled report;
+    report.events = 1;
+    report.event = id;
+    report_queue_.put(Report{.apid = origin.apid,
+                             .service = service_type,
+                             .subtype = disabled_report,
+                             .destination_id = origin.source_id,
+                             .data = report.encoded(),
+                             .stored = false});
+  }
+  report_queue_.success(origin, Stage::completion);
 }
 
 void EventReporter::add_event(std::uint16_t event_id, bool enabled) {

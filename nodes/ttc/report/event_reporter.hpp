@@ -64,6 +64,7 @@ class EventReporter final : public PusService {
     bool seen = false;
   };
   [[nodiscard]] bool take_token(Event& event, MonotonicTime now) const;
+  void report_disabled(const TelecommandOrigin& origin);  // 5,7
 
   ReportQueue& report_queue_;
   EventRateLimit limit_;

@@ -6,6 +6,8 @@
 
 #include <mission/structures.hpp>
 
+#include "nodes/ttc/services/event_action_service.hpp"
+
 namespace srfs {
 
 // ---- mode
@@ -26,7 +28,10 @@ void ModeService::execute(const Telecommand& telecommand, MonotonicTime /*now*/)
   if (!start(telecommand.origin)) return;
   const MissionMode mode = mode_of(telecommand).value_or(MissionMode::safe);
   if (mode != mode_.mode()) hazards_.disarm(mission::DisarmReason::mode_changed);
-  set_change({.origin = telecommand.origin, .mode = mode, .stored_text = mode_.change(mode, "commanded")});
+  const bool by_event = telecommand.origin.source_id == EventActionService::on_board_source;
+  set_change({.origin = telecommand.origin,
+              .mode = mode,
+              .stored_text = mode_.change(mode, by_event ? "event-action" : "commanded")});
 }
 
 // ---- arming

@@ -12,7 +12,9 @@
 #include "nodes/ttc/imaging/imaging_scheduler.hpp"
 #include "nodes/ttc/report/event_reporter.hpp"
 #include "nodes/ttc/services/connection_tester.hpp"
+#include "nodes/ttc/services/event_action_service.hpp"
 #include "nodes/ttc/services/housekeeping_scheduler.hpp"
+#include "nodes/ttc/services/monitoring_service.hpp"
 #include "nodes/ttc/services/own_functions.hpp"
 #include "nodes/ttc/services/parameter_service.hpp"
 #include "nodes/ttc/services/schedule_service.hpp"
@@ -51,15 +53,18 @@ class RouterWithParts : public testing::Test {
   ParameterService parameters_{dictionary_, report_queue_, mission::apid::ttc};
   FileService files_{report_queue_, mission::apid::ttc};
   ImagingScheduler imaging_{report_queue_};
-  TelecommandRouter router_{{.dictionary = dictionary_,
-                             .mode = mode_,
-                             .hazards = hazards_,
-                             .forwarder = forwarder_,
-                             .report_queue = report_queue_,
-                             .services = {&housekeeping_, &events_, &mode_service_, &arming_, &key_service_,
-                                          &transmitter_service_, &time_reports_, &schedule_, &retrieval_,
-                                          &stores_, &connections_, &parameters_, &files_, &imaging_}},
-                            "ttc"};
+  MonitoringService monitoring_{dictionary_, {}, report_queue_};
+  EventActionService event_actions_{dictionary_, report_queue_};
+  TelecommandRouter router_{
+      {.dictionary = dictionary_,
+       .mode = mode_,
+       .hazards = hazards_,
+       .forwarder = forwarder_,
+       .report_queue = report_queue_,
+       .services = {&housekeeping_, &events_, &mode_service_, &arming_, &key_service_, &transmitter_service_,
+                    &time_reports_, &schedule_, &retrieval_, &stores_, &connections_, &parameters_, &files_,
+                    &imaging_, &monitoring_, &event_actions_}},
+      "ttc"};
 };
 
 }  // namespace srfs

@@ -341,8 +341,10 @@ TEST_F(Router, ControlsHousekeeping) {
 TEST_F(Router, ControlsEventReports) {
   EXPECT_EQ(send("events.disable", {"event=node.started"}), (Names{"1,1", "1,3", "1,7"}));
   EXPECT_FALSE(events_.on_event(1, 1, 1, {}, MonotonicTime{})->live);
+  EXPECT_EQ(send("events.report_disabled"), (Names{"1,1", "1,3", "5,8", "1,7"}));
   EXPECT_EQ(send("events.enable", {"event=node.started"}), (Names{"1,1", "1,3", "1,7"}));
   EXPECT_TRUE(events_.on_event(1, 1, 1, {}, MonotonicTime{})->live);
+  EXPECT_EQ(send("events.report_disabled"), (Names{"1,1", "1,3", "1,7"}));
   EXPECT_EQ(send(1, 5, 5, {0, 1, 0xFF, 0xF0}), Names{"1,2"}) << "an event nobody has";
 }
 

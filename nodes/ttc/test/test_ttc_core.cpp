@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "nodes/ttc/ttc_core.hpp"
 
+#include <algorithm>
 #include <deque>
 #include <map>
 #include <random>
@@ -42,7 +43,7 @@ class World {
 
   void step() {
     now_ += milliseconds(below(400));
-    switch (below(9)) {
+    switch (below(10)) {
       case 0:
         return send();
       case 1:
@@ -63,6 +64,8 @@ class World {
         if (below(12) == 0) return kill();
         core_->commit_stores(true, now_);
         return go_on();
+      case 8:
+        return raise();
       default:
         if (disk_fails_ && below(10) == 0) medium_.failing = !medium_.failing;
         return;
@@ -71,7 +74,9 @@ class World {
   /// No fault any more, and everybody answers.
   void come_to_rest() {
     medium_.failing = false;
-    for (int i = 0; i < 400; ++i) {
+    int end = 400;
+    for (int i = 0; i < end; ++i) {
+      if (core_->has_waiting_actions()) end = i + 400;
       now_ += milliseconds(200);
       while (!journal_.empty()) carry_out(journal_);
       while (!others_.empty()) carry_out(others_);
@@ -91,9 +96,39 @@ class World {
   [[nodiscard]] const std::map<std::uint16_t, std::set<int>>& ends() const { return ends_; }
   [[nodiscard]] const std::set<std::uint16_t>& accepted() const { return accepted_; }
   [[nodiscard]] int kills() const { return kills_; }
+  /// Packets that an event released: those of the ground have another source.
+  [[nodiscard]] std::size_t released() const {
+    return static_cast<std::size_t>(std::count_if(
+        ids_.begin(), ids_.end(), [](const auto& entry) { return (entry.first & on_board) != 0; }));
+  }
 
  private:
+  static constexpr std::uint16_t on_board = 0x8000;  ///< in a sequence count: its source is on board
+  static std::uint16_t name_of(std::uint16_t sequence, std::uint16_t source) {
+    return static_cast<std::uint16_t>((sequence & 0x3FFF) |
+                                      (source == EventActionService::on_board_source ? on_board : 0));
+  }
   std::size_t below(std::size_t n) { return random_() % n; }
+  /// A node raises an event that has an action.
+  void raise() {
+    mission::EpsLoadsChangedEvent event;
+    core_->on_event("payload_eps", event.event_id, static_cast<std::uint8_t>(event.severity), event.encoded(),
+                    now_);
+    go_on();
+  }
+  /// An action on that event, as it stands on disk.
+  [[nodiscard]] StoredTable actions() const {
+    const auto added = dictionary_.encode(
+        "event_action.add", {"event=eps.loads_changed", "request=eps.switch_load load=1 state=off"});
+    EXPECT_TRUE(added);
+    OctetWriter out;
+    out.u64(0);
+    out.u8(1);  // the function is enabled
+    out.u16(1);
+    out.u8(1);
+    out.bytes(OctetView(added->data).subspan(2));
+    return {.generation = 1, .content = out.take()};
+  }
   void start() {
     AcceptanceJournal journal("boot", seconds(60));
     log_ = std::make_unique<JournalLog>(medium_);
@@ -114,6 +149,7 @@ class World {
         .transmitter = TransmitterSwitch("boot", "", now_),
         .command_loss = CommandLossTimer("boot", "", seconds(259'200), now_),
         .stores = "",
+        .event_actions = {.table = actions()},
         .keys = {},
         .boot = {.count = 1},
         .clock = SpacecraftClock(UtcTime(seconds(1'795'000'000)), now_),
@@ -121,6 +157,7 @@ class World {
     frames_.emplace(spacecraft, downlink_config().cadu.frame_octets);
     ground_.emplace(downlink_config().cadu);
     packets_ = wire::TmPacketReassembly();
+    for (const mission::Event& event : dictionary_.events()) core_->events().add_event(event.id);
     core_->restore(now_);
     core_->activate(now_);
     go_on();
@@ -209,8 +246,7 @@ class World {
     JournalLog log(medium_);
     for (const JournalRecord& record : log.load().records) journal.apply(record);
     for (const AcceptedTelecommand* t : journal.known()) {
-      if (t->origin.id == id)
-        return static_cast<std::uint16_t>(t->origin.request.packet_sequence_control & 0x3FFF);
+      if (t->origin.id == id) return name_of(t->origin.request.packet_sequence_control, t->origin.source_id);
     }
     return std::nullopt;
   }
@@ -268,7 +304,7 @@ class World {
     if (packet->service != 1) return;
     OctetReader in(packet->source);
     in.u16();
-    const auto sequence = static_cast<std::uint16_t>(in.u16() & 0x3FFF);
+    const std::uint16_t sequence = name_of(in.u16(), packet->destination_id);
     if (packet->subtype == 1) accepted_.insert(sequence);
     if (packet->subtype == 4 || packet->subtype >= 7) ends_[sequence].insert(packet->subtype);
   }
@@ -305,6 +341,7 @@ TEST(TtcCoreProperties, WhereverItIsKilledEachTelecommandRunsOnceAndItsEndReache
   const auto dictionary = mission::Dictionary::load(std::string(SRFS_SOURCE_DIR) + "/mission");
   int kills = 0;
   std::size_t executed = 0;
+  std::size_t released = 0;
   for (std::uint64_t seed = 1; seed <= worlds; ++seed) {
     SCOPED_TRACE("seed " + std::to_string(seed));
     World world(dictionary, seed, false);
@@ -320,8 +357,10 @@ TEST(TtcCoreProperties, WhereverItIsKilledEachTelecommandRunsOnceAndItsEndReache
                                  << *ends.rbegin();
     kills += world.kills();
     executed += world.executions().size();
+    released += world.released();
     if (HasFailure()) return;
   }
+  EXPECT_GT(released, worlds);
   EXPECT_GT(kills, 2 * static_cast<int>(worlds));
   EXPECT_GT(executed, 3 * worlds);
 }

@@ -34,7 +34,7 @@ GRACE_S = 3  # from ttc.transmitter_off to the silence
 NODES = ("ttc", "timing", "can_switcher", "maintenance", "payload_eps")  # for an argument that is a node: the command path, and one beside it
 LOCAL_NODES = (*NODES, "payload_adcs", "payload_thermal", "image_acquisition", "image_processing")
 TIMES = ("1980-01-06T00:00:00Z", "2093-12-31T00:00:00Z")  # of the link
-INTEGERS = {"u8": (0, 255), "u16": (0, 65535), "u32": (0, 4294967295), "u64": (0, 18446744073709551615), "i32": (-2147483648, 2147483647)}
+NUMBERS = {"u8": (0, 255), "u16": (0, 65535), "u32": (0, 4294967295), "u64": (0, 18446744073709551615), "i32": (-2147483648, 2147483647), "f64": (-1e300, 1e300)}  # fmt: skip
 # Arguments that would only be refused otherwise, or that cost the campaign its time.
 GIVEN = {
     ("image.capture", "frames"): ("1", "4"), ("image.capture", "exposure_us"): ("1", "100000"), ("image.capture", "interval_ms"): ("0", "100"),
@@ -49,6 +49,8 @@ UNDO = {
     "ttc.select_keys": ["tc ttc.select_keys vc=0 set=a"],
     "housekeeping.disable": ["tc housekeeping.enable structure={structure}"],
     "events.disable": ["tc events.enable event={event}"],
+    **{f"monitor.{order}": ["tc monitor.restore"] for order in ("add", "enable", "disable", "delete", "modify", "delete_all", "stop")},
+    **{f"event_action.{order}": ["tc event_action.restore"] for order in ("enable", "disable", "delete", "delete_all", "stop")},
     "schedule.disable": ["tc schedule.enable"],
     "schedule.reset": ["tc schedule.enable"],
     "storage.disable": ["tc storage.enable store={store}"],
@@ -90,11 +92,12 @@ def argument_ends(dictionary, command, argument):
     if "range" in argument:
         return tuple(str(end) for end in argument["range"])
     references = {"structure": [s["name"] for s in dictionary.structures if "id" in s], "event": [e["name"] for e in dictionary.events],
-                  "store": [s["name"] for s in dictionary.stores], "parameter": [p["full_name"] for p in dictionary.parameters]}  # fmt: skip
+                  "store": [s["name"] for s in dictionary.stores], "parameter": [p["full_name"] for p in dictionary.parameters],
+                  "event_or_none": ["none", "monitor.user_8"], "telemetry": ["timing.cycle", "payload_eps.state_of_charge"]}  # fmt: skip
     if "reference" in argument:
         all_of_it = references[argument["reference"]]
         return (all_of_it[0], all_of_it[-1])
-    return tuple(str(end) for end in INTEGERS[argument["type"]])
+    return tuple(str(end) for end in NUMBERS[argument["type"]])
 
 
 def quoted(value):
@@ -112,7 +115,11 @@ def command_orders(dictionary, only=()):
             words = " ".join([command["name"], *(f"{name}={quoted(value)}" for name, value in chosen.items())])
             lines = [f"arm {words}"] * bool(command.get("hazardous")) + [f"tc {words}"]
             yield Order("telecommand", words, lines, [line.format(**chosen) for line in UNDO.get(command["name"], [])])
-    if not only:  # the two whose arguments are of another kind
+    if not only:  # those whose arguments are of another kind
+        storm = ["tc event_action.add event=event_action.released \"request=ttc.set_mode mode=safe\"", "tc event_action.enable event=event_action.released",
+                 "tc event_action.add event=ttc.mode_changed \"request=ttc.set_mode mode=nominal\"", "tc event_action.enable event=ttc.mode_changed",
+                 "tc ttc.set_mode mode=safe"]  # fmt: skip
+        yield Order("telecommand", "event_action.add", storm, ["tc event_action.restore", "tc ttc.set_mode mode=nominal"], looks_s=LOOKS_S)
         yield Order("telecommand", "schedule.insert", ["tc ttc.ping --at 2093-01-01T00:00:00Z", "tc ttc.set_mode mode=safe --at 2093-01-01T00:00:01Z"], ["tc schedule.reset", "tc schedule.enable"])
 
 

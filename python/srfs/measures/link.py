@@ -28,7 +28,8 @@ STORED_TO = "2026-01-02T00:00:00Z"
 PACKET_OCTETS = 120
 FRAME_LOSS = 0.1
 BAD_FILE_OCTETS, BAD_FILE_BAUD, BAD_FILE_DEATHS, BAD_FILE_GOAL = 200_000, 115200, 5, 1.5
-PARTS = ("codecs", "store", "wear", "downlink", "telecommands", "bad_line")
+MONITORS_GOAL = 1  # % of a core
+PARTS = ("codecs", "store", "monitors", "wear", "downlink", "telecommands", "bad_line")
 
 
 def add_options(parser):
@@ -242,6 +243,9 @@ def measure(bin_dir, options, say):
     if "store" in options.link_parts:
         say("link: a packet store of 64 MiB")
         results["store"] = program("store", "--folder", str(Path.cwd()))
+    if "monitors" in options.link_parts:
+        say("link: on-board monitoring with a full table")
+        results["monitors"] = program("monitors")
     if "wear" in options.link_parts:
         say("link: what a flight writes")
         results["wear"] = wear(bin_dir, options.link_s)
@@ -286,6 +290,11 @@ def rows(results):
                "200", verdict(store["recovery_damaged_ms"]["p50"] <= 200))  # fmt: skip
         yield "records lost of those damages", f"{store['records_lost']} of {store['damages']}", "no other", verdict(store["records_lost"] <= store["damages"])
         yield "commit with fdatasync, p50 / p99, ms", f"{store['commit_ms']['p50']:.2f} / {store['commit_ms']['p99']:.2f}", "", ""
+    monitors = results.get("monitors")
+    if monitors:
+        yield (f"on-board monitoring, {monitors['definitions']} definitions, {monitors['checks_a_second']:.0f} checks a second: % of a core",
+               f"{monitors['core_percent']:.3f}", f"{MONITORS_GOAL}", verdict(monitors["core_percent"] <= MONITORS_GOAL))  # fmt: skip
+        yield "the same, ns a check; us for a change of the table", f"{monitors['ns_a_check']:.0f}; {monitors['table_change_us']:.0f}", "", ""
     if "wear" in results:
         yield "written to the stores in a day of flight, MiB", f"{results['wear']['stored_mib_per_day']}", "", ""
         yield "the same on the medium, whole blocks, all nodes, MiB", f"{results['wear']['medium_mib_per_day']}", "", ""

@@ -157,11 +157,12 @@ class Database:
         raise XtceError(f"{owner}: {local(what)}")
 
     def _comparison(self, comparison, owner, values):
-        if comparison.get("comparisonOperator", "==") != "==":
-            raise XtceError(f"{owner}: {comparison.get('comparisonOperator')}")
+        operator = comparison.get("comparisonOperator", "==")
+        if operator not in ("==", "<"):
+            raise XtceError(f"{owner}: {operator}")
         value = values[self.resolve(comparison.get("parameterRef"), owner)]
         seen = value.raw if comparison.get("useCalibratedValue") == "false" else value.value
-        return str(seen) == comparison.get("value")
+        return seen < int(comparison.get("value")) if operator == "<" else str(seen) == comparison.get("value")
 
     def _parameter(self, kind, path, bits, values):
         name = local(kind).removesuffix("ParameterType")

@@ -30,13 +30,25 @@ for entry in D.structures + D.wire_commands + D.parameters:
 def reference_values(kind):
     if kind == "structure":
         return [(s["id"], s["name"]) for s in D.structures if "id" in s]
-    if kind == "event":
-        return [(e["id"], e["name"]) for e in D.events]
+    if kind in ("event", "event_or_none"):
+        return [(0, "none")] * (kind == "event_or_none") + [(e["id"], e["name"]) for e in D.events]
     if kind == "store":
         return [(s["id"], s["name"]) for s in D.stores]
+    if kind == "telemetry":  # the first element of each structure
+        return [(0, "none")] + [(s["id"] << 16, s["name"]) for s in D.structures if "id" in s]
     if kind == "parameter":
         return [(p["id"], p["full_name"]) for p in D.parameters]
     return [(0, "none")] + [(f["code"], f["name"]) for f in D.failure_codes]
+
+
+def described(fields):
+    """XTCE has no word for a whole packet, which is the last field."""
+    return [field for field in fields if field.get("type") != "packet"]
+
+
+def is_named(field):
+    """XTCE has a label for each value; elements of telemetry are too many."""
+    return field.get("reference", "telemetry") != "telemetry"
 
 
 def random_value(field, argument):
@@ -83,7 +95,7 @@ def expect(fields, target, out):
         if "structure" in field:
             yield from expect(D.structure_of[field["structure"]]["fields"], f"{target}.{field['as']}", out)
             continue
-        names = f", names_of_{field['reference']}()" if "reference" in field else ""
+        names = f", names_of_{field['reference']}()" if is_named(field) else ""
         if field.get("count", 1) == 1:
             yield f"{out}[\"{field['name']}\"] = shown({target}.{field['name']}{names});"
             continue
@@ -102,7 +114,7 @@ def main():
     environment = jinja2.Environment(loader=jinja2.FileSystemLoader(pathlib.Path(__file__).parent), trim_blocks=True,
                                      lstrip_blocks=True, undefined=jinja2.StrictUndefined)
     environment.globals.update(d=D, camel=camel, cpp=CPP, snake=snake, structure_type=structure_type, fill=fill, expect=expect, put=put, random_value=random_value,
-                               reference_values=reference_values, verification=ARGUMENTS.verification)
+                               reference_values=reference_values, described=described, verification=ARGUMENTS.verification)
     pathlib.Path(ARGUMENTS.out).write_text(environment.get_template("xtce_peer.cpp.jinja").render() + "\n", encoding="utf-8")
 
 

@@ -1,0 +1,394 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
+#include "nodes/ttc/services/monitoring.hpp"
+
+#include <algorithm>
+#include <array>
+#include <string_view>
+
+namespace srfs {
+namespace {
+
+constexpr std::uint8_t limit_repetition = 2;
+constexpr std::uint8_t stale_repetition = 10;
+constexpr seconds periodic_interval{1};  ///< what may come more often comes when there is something to say
+
+bool is_number(const mission::Field& field) {
+  return field.type != mission::FieldType::text && field.type != mission::FieldType::time &&
+         field.type != mission::FieldType::packet;
+}
+
+bool has_low(MonitorCheck check) {
+  return check == MonitorCheck::limits || check == MonitorCheck::at_least || check == MonitorCheck::delta;
+}
+bool has_high(MonitorCheck check) {
+  return check == MonitorCheck::limits || check == MonitorCheck::at_most || check == MonitorCheck::delta;
+}
+
+/// Of an event that a monitor raises: definition, parameter, value, limit.
+bool is_monitor_event(const mission::Event& event) {
+  using mission::FieldType;
+  constexpr std::array<std::pair<std::string_view, FieldType>, 4> form{{{"definition", FieldType::u16},
+                                                                        {"parameter", FieldType::u32},
+                                                                        {"value", FieldType::f64},
+                                                                        {"limit", FieldType::f64}}};
+  return std::equal(event.fields.begin(), event.fields.end(), form.begin(), form.end(),
+                    [](const mission::Field& field, const auto& expected) {
+                      return field.name == expected.first && field.type == expected.second;
+                    });
+}
+
+bool contradicts_itself(const mission::MonitorAdd& d) {
+  const bool two_sided = has_low(d.check) && has_high(d.check);
+  if (!has_low(d.check) && !has_high(d.check)) return d.hysteresis != 0;
+  return two_sided && d.low + d.hysteresis > d.high - d.hysteresis;
+}
+
+/// What the beacon repeats is monitored at its source.
+bool is_repeated_by_beacon(const mission::Dictionary& dictionary, const mission::Structure& structure,
+                           const mission::Field& field) {
+  const auto& sources = dictionary.beacon_sources();
+  return structure.id == mission::Beacon::structure_id &&
+         std::any_of(sources.begin(), sources.end(),
+                     [&](const mission::BeaconSource& source) { return source.value == field.name; });
+}
+
+/// Housekeeping structures of the mission's nodes, in the order of their ids.
+std::vector<const mission::Structure*> monitored_structures(const mission::Dictionary& dictionary) {
+  std::vector<const mission::Structure*> structures;
+  for (const mission::Structure& structure : dictionary.structures()) {
+    const mission::ApplicationProcess* process = dictionary.apid_of_node(structure.node);
+    if (structure.id != 0 && process != nullptr && !process->added) structures.push_back(&structure);
+  }
+  std::sort(structures.begin(), structures.end(), [](const auto* a, const auto* b) { return a->id < b->id; });
+  return structures;
+}
+
+std::uint32_t number_of(const mission::Structure& structure, std::size_t element) {
+  return (static_cast<std::uint32_t>(structure.id) << 16U) | static_cast<std::uint32_t>(element);
+}
+
+mission::MonitorAdd definition_of(const mission::Bounds& bounds, std::uint32_t parameter,
+                                  std::uint16_t event) {
+  mission::MonitorAdd what;
+  what.parameter = parameter;
+  what.repetition = limit_repetition;
+  what.check = !bounds.high  ? MonitorCheck::at_least
+               : !bounds.low ? MonitorCheck::at_most
+                             : MonitorCheck::limits;
+  what.low = bounds.low.value_or(0);
+  what.low_event = bounds.low ? event : std::uint16_t{0};
+  what.high = bounds.high.value_or(0);
+  what.high_event = bounds.high ? event : std::uint16_t{0};
+  return what;
+}
+
+/// Ids count up also where an entry of the mission's file takes the place: they are those of the reference
+/// page.
+class LimitDefinitions {
+ public:
+  explicit LimitDefinitions(MonitorTable& table) : table_(table) {}
+
+  void add(const std::optional<mission::Bounds>& bounds, std::uint32_t parameter, std::uint16_t event) {
+    if (!bounds || (!bounds->low && !bounds->high)) return;
+    mission::MonitorAdd what = definition_of(*bounds, parameter, event);
+    what.id = next_id_++;
+    const bool listed = std::any_of(table_.begin(), table_.end(), [&](const auto& entry) {
+      const mission::MonitorAdd& other = entry.second.what;
+      return other.parameter == parameter && other.check == what.check && other.low == what.low &&
+             other.high == what.high;
+    });
+    if (!listed) table_[what.id] = {.what = what, .enabled = true};
+  }
+
+ private:
+  MonitorTable& table_;
+  std::uint16_t next_id_ = first_limit_id;
+};
+
+void add_listed(const mission::Dictionary& dictionary, MonitorTable& table) {
+  for (const auto& arguments : dictionary.monitors()) {
+    const auto encoded = dictionary.encode(mission::MonitorAdd::name, arguments);
+    const auto listed = encoded ? mission::MonitorAdd::decode(encoded->data) : Err(mission::ArgumentError{});
+    if (!listed) continue;  // the dictionary has checked them
+    for (const mission::MonitorAdd& what : *listed) table[what.id] = {.what = what, .enabled = true};
+  }
+}
+
+}  // namespace
+
+// ---- definitions
+
+MonitorTable factory_monitors(const mission::Dictionary& dictionary) {
+  MonitorTable table;
+  add_listed(dictionary, table);
+  LimitDefinitions limits(table);
+  for (const mission::Structure* structure : monitored_structures(dictionary)) {
+    std::size_t element = 0;
+    for (const mission::Field& field : structure->fields) {
+      const bool repeated = is_repeated_by_beacon(dictionary, *structure, field);
+      for (std::size_t i = 0; i < field.count; ++i, ++element) {
+        if (repeated) continue;
+        const std::uint32_t parameter = number_of(*structure, element);
+        limits.add(field.soft, parameter, mission::event::monitor_soft_limit);
+        limits.add(field.hard, parameter, mission::event::monitor_hard_limit);
+      }
+    }
+    if (structure->apid == mission::apid::ttc || structure->interval < periodic_interval) continue;
+    if (structure->id > UINT16_MAX - first_stale_id) continue;  // its monitor would have no number
+    mission::MonitorAdd stale;
+    stale.id = static_cast<std::uint16_t>(first_stale_id + structure->id);
+    stale.parameter = number_of(*structure, 0);
+    stale.repetition = stale_repetition;
+    stale.check = MonitorCheck::stale;
+    stale.low_event = mission::event::monitor_stale;
+    table[stale.id] = {.what = stale, .enabled = true};
+  }
+  return table;
+}
+
+std::optional<MonitorRefusal> why_not_taken(const mission::MonitorAdd& d,
+                                            const mission::Dictionary& dictionary) {
+  const auto parameter = dictionary.telemetry(d.parameter);
+  const auto condition = dictionary.telemetry(d.condition);
+  const bool stale = d.check == MonitorCheck::stale;
+  const bool parameter_fits = parameter && (stale || is_number(*parameter->field));
+  const bool condition_fits = d.condition == 0 || (!stale && condition && is_number(*condition->field));
+  if (!parameter_fits || !condition_fits) return MonitorRefusal{mission::failure::not_monitorable, d.id};
+  if (contradicts_itself(d)) return MonitorRefusal{mission::failure::contradictory_limits, d.id};
+  for (const std::uint16_t id : {d.low_event, d.high_event}) {
+    const mission::Event* event = dictionary.event(id);
+    if (id != 0 && (event == nullptr || !is_monitor_event(*event)))
+      return MonitorRefusal{mission::failure::no_monitor_event, id};
+  }
+  return std::nullopt;
+}
+
+// ---- table
+
+void Monitoring::set_table(MonitorTable table) {
+  table_ = std::move(table);
+  std::erase_if(checks_, [this](const auto& entry) { return !table_.contains(entry.first); });
+  for (const auto& [id, definition] : table_) {
+    Check& check = checks_[id];
+    const bool same = check.what == definition.what && check.enabled == definition.enabled;
+    if (!same) check = Check{.what = definition.what, .enabled = definition.enabled};
+  }
+  resolve();
+}
+
+void Monitoring::set_enabled(bool enabled) {
+  if (enabled_ == enabled) return;
+  enabled_ = enabled;
+  for (auto& [id, check] : checks_) forget(check);
+  for (auto& [id, watched] : watched_) watched.last_sample.reset();
+  count_out_of_limits();
+}
+
+void Monitoring::forget(Check& check) {
+  check =
+      Check{.what = check.what, .enabled = check.enabled, .slot = check.slot, .condition = check.condition};
+}
+
+void Monitoring::resolve() {
+  std::map<std::uint16_t, Watched> before = std::exchange(watched_, {});
+  const auto slots_before = std::exchange(slots_, {});
+  const auto values_before = std::exchange(values_, {});
+  unresolved_ = 0;
+  for (auto& [id, check] : checks_) {
+    const auto element = dictionary_.telemetry(check.what.parameter);
+    check.slot = slot_of(check.what.parameter);
+    check.condition = check.what.condition == 0 ? no_slot : slot_of(check.what.condition);
+    if (!element || check.slot == no_slot || (check.what.condition != 0 && check.condition == no_slot)) {
+      forget(check);
+      ++unresolved_;
+      continue;
+    }
+    Watched& watched = watched_[element->structure->id];
+    (check.what.check == MonitorCheck::stale ? watched.stale_checks : watched.checks).push_back(&check);
+  }
+  for (auto& [id, watched] : watched_) {
+    watched.interval = dictionary_.structure(id)->interval;
+    if (const auto known = before.find(id); known != before.end())
+      watched.last_sample = known->second.last_sample;
+  }
+  for (const auto& [parameter, slot] : slots_) {
+    const auto known = slots_before.find(parameter);
+    if (known != slots_before.end()) values_[slot] = values_before[known->second];
+  }
+  count_out_of_limits();
+}
+
+std::size_t Monitoring::slot_of(std::uint32_t parameter) {
+  if (const auto known = slots_.find(parameter); known != slots_.end()) return known->second;
+  const auto element = dictionary_.telemetry(parameter);
+  if (!element || element->structure->kind != mission::StructureKind::housekeeping) return no_slot;
+  const std::size_t slot = values_.size();
+  values_.emplace_back();
+  slots_[parameter] = slot;
+  add_place(watched_[element->structure->id], *element, slot);
+  return slot;
+}
+
+void Monitoring::add_place(Watched& watched, const mission::TelemetryElement& element,
+                           std::size_t slot) const {
+  Place place{.slot = slot, .offset = 0, .texts_before = 0, .form = {}};
+  place.form.type = element.field->type;
+  place.form.max_text = element.field->max_text;
+  place.form.calibration = element.field->calibration;
+  place.form.unknown = element.field->unknown;
+  watched.texts.clear();
+  std::size_t offset = 0;
+  for (const mission::Field& field : element.structure->fields) {
+    const bool is_text = field.type == mission::FieldType::text;
+    const std::size_t octets = is_text ? 1 : field.max_size() / field.count;
+    if (&field == element.field) {
+      place.offset = offset + octets * element.index;
+      place.texts_before = watched.texts.size() + (is_text ? element.index : 0);
+    }
+    for (std::size_t i = 0; i < field.count; ++i, offset += octets) {
+      if (is_text) watched.texts.push_back(offset);
+    }
+  }
+  watched.places.push_back(std::move(place));
+}
+
+// ---- checks
+
+void Monitoring::read(const Watched& watched, OctetView data) {
+  std::vector<std::size_t> characters{0};  // of the texts before the first, the second, ...
+  for (const std::size_t offset : watched.texts) {
+    const std::size_t at = offset + characters.back();
+    characters.push_back(characters.back() + (at < data.size() ? data[at] : 0));
+  }
+  for (const Place& place : watched.places) {
+    const std::size_t at = place.offset + characters[place.texts_before];
+    OctetReader in(data.subspan(std::min(at, data.size())));
+    values_[place.slot] = mission::Dictionary::take_number(place.form, in);
+  }
+}
+
+void Monitoring::on_sample(std::uint16_t structure_id, OctetView data, TaiTime tai, MonotonicTime now) {
+  const auto found = watched_.find(structure_id);
+  if (found == watched_.end() || !enabled_) return;
+  Watched& watched = found->second;
+  watched.last_sample = now;
+  read(watched, data);
+  for (Check* stale : watched.stale_checks) {
+    if (stale->enabled) set_state(*stale, MonitorState::within, 0, 0, tai);
+  }
+  for (Check* each : watched.checks) {
+    if (each->enabled && now >= each->next) check(*each, tai, now);
+  }
+}
+
+namespace {
+
+struct Finding {
+  MonitorState state = MonitorState::within;
+  double limit = 0;
+};
+
+/// @param current  being out of limits, hysteresis holds it there
+Finding judge(const mission::MonitorAdd& d, MonitorState current, double value) {
+  if (d.check == MonitorCheck::expected) {
+    const bool as_expected = value == d.low || value == static_cast<double>(static_cast<float>(d.low));
+    return {as_expected ? MonitorState::within : MonitorState::unexpected, d.low};
+  }
+  const double low = d.low + (current == MonitorState::below ? d.hysteresis : 0);
+  const double high = d.high - (current == MonitorState::above ? d.hysteresis : 0);
+  if (has_low(d.check) && value < low) return {MonitorState::below, d.low};
+  if (has_high(d.check) && value > high) return {MonitorState::above, d.high};
+  return {MonitorState::within, current == MonitorState::above ? d.high : d.low};
+}
+
+}  // namespace
+
+void Monitoring::check(Check& check, TaiTime tai, MonotonicTime now) {
+  check.next = now + milliseconds(check.what.interval_ms);
+  ++counters_.checks;
+  const std::optional<double>& value = values_[check.slot];
+  const bool holds = check.condition == no_slot || values_[check.condition] == check.what.condition_value;
+  if (!value || !holds) {
+    check.before.reset();
+    check.in_row = 0;
+    return set_state(check, MonitorState::invalid, value.value_or(0), 0, tai);
+  }
+  double checked = *value;
+  if (check.what.check == MonitorCheck::delta) {
+    const auto before = std::exchange(check.before, *value);
+    if (!before) return;
+    checked = *value - *before;
+  }
+  const Finding finding = judge(check.what, check.state, checked);
+  if (finding.state != check.candidate) check.in_row = 0;
+  check.candidate = finding.state;
+  if (check.in_row < UINT8_MAX) ++check.in_row;
+  if (check.in_row >= check.what.repetition) set_state(check, finding.state, checked, finding.limit, tai);
+}
+
+void Monitoring::set_state(Check& check, MonitorState state, double value, double limit, TaiTime tai) {
+  const MonitorState previous = std::exchange(check.state, state);
+  if (previous == state) return;
+  const bool out = is_out_of_limits(state);
+  check.last = {.definition = check.what.id,
+                .parameter = check.what.parameter,
+                .check = check.what.check,
+                .value = value,
+                .limit = limit,
+                .previous = previous,
+                .state = state,
+                .since = tai,
+                .event = !out                           ? std::uint16_t{0}
+                         : state == MonitorState::above ? check.what.high_event
+                                                        : check.what.low_event};
+  if (out && !is_out_of_limits(previous)) ++out_of_limits_;
+  if (!out && is_out_of_limits(previous)) --out_of_limits_;
+  if (!out && !is_out_of_limits(previous)) return;
+  ++counters_.transitions;
+  transitions_.push_back(check.last);
+}
+
+void Monitoring::on_time(TaiTime tai, MonotonicTime now) {
+  const auto last = last_time_;
+  if (last && now - *last < stale_check_period) return;
+  last_time_ = now;
+  if (!enabled_ || !last) return;
+  const nanoseconds deaf = now - *last > nanoseconds(longest_gap) ? now - *last : nanoseconds(0);
+  for (auto& [id, watched] : watched_) {
+    if (!watched.last_sample) continue;
+    *watched.last_sample = std::min(*watched.last_sample + deaf, now);
+    const nanoseconds silent = now - *watched.last_sample;
+    for (Check* stale : watched.stale_checks) {
+      const milliseconds interval =
+          stale->what.interval_ms == 0 ? watched.interval : milliseconds(stale->what.interval_ms);
+      if (!stale->enabled || silent <= interval * stale->what.repetition) continue;
+      const auto in_seconds = [](nanoseconds d) { return static_cast<double>(d.count()) * 1e-9; };
+      set_state(*stale, MonitorState::stale, in_seconds(silent), in_seconds(interval), tai);
+    }
+  }
+}
+
+// ---- what others want to know
+
+MonitorState Monitoring::state(std::uint16_t definition) const {
+  const auto found = checks_.find(definition);
+  return found == checks_.end() ? MonitorState::unchecked : found->second.state;
+}
+
+std::vector<Monitoring::Transition> Monitoring::out_of_limits() const {
+  std::vector<Transition> all;
+  for (const auto& [id, check] : checks_) {
+    if (is_out_of_limits(check.state)) all.push_back(check.last);
+  }
+  return all;
+}
+
+void Monitoring::count_out_of_limits() {
+  out_of_limits_ =
+      static_cast<std::size_t>(std::count_if(checks_.begin(), checks_.end(), [](const auto& entry) {
+        return is_out_of_limits(entry.second.state);
+      }));
+}
+
+}  // namespace srfs

@@ -1,0 +1,88 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <string_view>
+#include <vector>
+
+#include <mission/structures.hpp>
+
+#include "nodes/ttc/services/monitoring.hpp"
+#include "nodes/ttc/services/pus_service.hpp"
+#include "nodes/ttc/services/stored_table.hpp"
+
+namespace srfs {
+
+/// PUS service 12, on-board monitoring (ECSS-E-ST-70-41C 6.12, 8.12): its requests, the table on disk, its
+/// reports. A change holds at once as a whole, and is reported complete (1,7) when the table is on disk.
+/// Pure.
+class MonitoringService final : public StoredChangeService<TableChange> {
+ public:
+  static constexpr std::uint8_t service_type = 12;
+  static constexpr std::string_view table_name = "monitors";
+  /// Transitions reported at once, and one more after each period; others are counted.
+  static constexpr std::uint32_t report_burst = 64;
+  static constexpr milliseconds report_period{125};
+
+  /// @param found  on disk: none or damaged means the factory set
+  MonitoringService(const mission::Dictionary& dictionary, const FoundTable& found,
+                    ReportQueue& report_queue);
+
+  // ---- requests
+
+  [[nodiscard]] bool provides(const mission::Command& command) const override;
+  void execute(const Telecommand& telecommand, MonotonicTime now) override;
+  /// One that the table on disk has was carried out.
+  [[nodiscard]] bool restore(const Telecommand& telecommand, const TelecommandProgress& progress,
+                             MonotonicTime now) override;
+  /// Goes on with a long report as the line has room.
+  void go_on(std::size_t room_octets);
+  [[nodiscard]] bool is_reporting() const { return listing_.has_value(); }
+
+  // ---- checks
+
+  [[nodiscard]] Monitoring& monitoring() { return monitoring_; }
+  [[nodiscard]] const Monitoring& monitoring() const { return monitoring_; }
+  /// 12,12 of a transition; nullopt: too many at a time (counted).
+  [[nodiscard]] std::optional<Report> report_of(const Monitoring::Transition& transition, MonotonicTime now);
+  /// What of the table's state is for the housekeeping.
+  void fill(mission::TtcMonitoringHousekeeping& h) const;
+
+  [[nodiscard]] bool is_factory() const { return factory_; }
+  [[nodiscard]] std::uint64_t generation() const { return generation_; }
+  [[nodiscard]] StoredTable stored() const;
+
+ private:
+  struct Failure {
+    std::uint16_t code = 0;
+    std::optional<std::uint16_t> parameter;
+  };
+  struct Listing {
+    TelecommandOrigin origin;
+    std::vector<std::uint16_t> ids;
+    std::size_t next = 0;
+    bool out_of_limits = false;
+  };
+  void load(const FoundTable& found);
+  [[nodiscard]] std::optional<Failure> change(std::uint8_t subtype, OctetView arguments);
+  [[nodiscard]] std::optional<Failure> define(OctetView arguments, bool known);
+  [[nodiscard]] std::optional<Failure> change_named(std::uint8_t subtype, OctetView arguments);
+  void begin_report(const Telecommand& telecommand);
+  void fail(const TelecommandOrigin& origin, const Failure& failure);
+  void put(const TelecommandOrigin& origin, std::uint8_t subtype, Octets data);
+  [[nodiscard]] Octets definition_report(std::uint16_t id) const;
+
+  const mission::Dictionary& dictionary_;
+  Monitoring monitoring_;
+  bool factory_ = true;  ///< the table is the factory set, whatever that is in the dictionary of now
+  std::uint64_t generation_ = 0;
+  std::uint64_t last_request_ = 0;  ///< telecommand that changed it last
+  std::optional<Listing> listing_;
+  std::uint32_t reports_left_ = report_burst;
+  std::optional<MonotonicTime> reports_filled_;
+  std::uint32_t unreported_ = 0;
+};
+
+}  // namespace srfs
