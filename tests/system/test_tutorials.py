@@ -18,7 +18,7 @@ from srfs.flight.processes import processes_of
 from srfs.tutorial import Commands, TutorialError
 
 # In the order in which they are read; all in one clone, and in one flight.
-PAGES = ("first_flight", "ground_script", "node_outside_the_tree", "new_telecommand", "new_imaging_method", "first_payload", "replace_a_protocol")
+PAGES = ("first_flight", "ground_script", "node_outside_the_tree", "new_telecommand", "new_imaging_method", "first_payload", "replace_a_protocol", "from_simulation_to_bench")
 STEP_PATIENCE_S = 300  # compilers on a machine that others use
 
 
