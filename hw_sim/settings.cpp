@@ -36,12 +36,19 @@ std::optional<std::string> own_camera(const ConfigSection& section) {
   return device(section, "camera", {"sim"});
 }
 
-DeviceUris read_devices(const ConfigSection& section) {
-  return {device(section, "can", {"sim", "socketcan"}),
+DeviceUris read_devices(const ConfigSection& deployment) {
+  const ConfigSection section = deployment.section("devices");
+  std::map<std::string, std::string> buses;
+  buses["can"] = device(section, "can", {"sim", "socketcan"});
+  for (const ConfigSection& bus : deployment.sections("buses")) {
+    const std::string name = bus.text("name");
+    buses[name] = device(section, name.c_str(), {"sim", "socketcan"});
+  }
+  return {std::move(buses),
           device(section, "rs422", {"serial"}),
-          device(section, "gps_pulse", {"sim"}),
+          device(section, "gps_pulse", {"sim", "pps", "gpiochip"}),
           device(section, "gps_serial", {"serial"}),
-          device(section, "gpio", {"sim"}),
+          device(section, "gpio", {"sim", "gpiochip"}),
           device(section, "watchdog", {"sim", "dev"}),
           own_camera(section)};
 }
@@ -98,7 +105,9 @@ void read_watchdog(const ConfigSection& section, WatchdogSettings& watchdog) {
   section.finish();
 }
 
-void read_peripherals(const ConfigSection& section, PeripheralSettings& peripheral) {
+void read_peripherals(const ConfigSection& section, SimulationSettings& settings) {
+  PeripheralSettings& peripheral = settings.peripheral;
+  settings.real_peripherals = section.texts("real");
   peripheral.boot_time = duration_ms(section, "boot_ms", 0, 60'000, peripheral.boot_time);
   peripheral.restart_time = duration_ms(section, "restart_ms", 0, 60'000, peripheral.restart_time);
   peripheral.answer_delay =
@@ -142,7 +151,7 @@ void read_simulation(const ConfigSection& section, SimulationSettings& settings)
   read_gps(section.section("gps"), settings.gps);
   read_watchdog(section.section("watchdog"), settings.watchdog);
   read_camera(section.section("camera"), settings.camera);
-  read_peripherals(section.section("peripherals"), settings.peripheral);
+  read_peripherals(section.section("peripherals"), settings);
   const ConfigSection rs422 = section.section("rs422");
   settings.rs422_flip_probability = rs422.number("flip_probability", 0, 0.5, 0);
   settings.rs422_burst_probability = rs422.number("burst_probability", 0, 0.5, 0);
@@ -159,7 +168,7 @@ void read_simulation(const ConfigSection& section, SimulationSettings& settings)
 
 SimulationSettings read_settings(const ConfigSection& deployment) {
   SimulationSettings settings;
-  settings.devices = read_devices(deployment.section("devices"));
+  settings.devices = read_devices(deployment);
   read_link(deployment.section("link"), settings);
   read_simulation(deployment.section("simulation"), settings);
   return settings;

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <filesystem>
+#include <map>
 #include <optional>
 #include <string>
 #include <vector>
@@ -16,9 +17,10 @@
 
 namespace srfs::sim {
 
-/// URIs of the devices section.
+/// URIs of the devices section. One that is no "sim:" (of a serial line: one of hardware) is real, and not
+/// simulated; so are the pulse and the serial line of a GPS receiver together.
 struct DeviceUris {
-  std::string can;
+  std::map<std::string, std::string> can;  ///< by the name of the bus
   std::string rs422;
   std::string gps_pulse;
   std::string gps_serial;
@@ -42,12 +44,13 @@ struct SimulationSettings {
   std::optional<UtcTime> orbit_start;  ///< nullopt: true time at the start
   PeripheralSettings peripheral;
   std::vector<suite::Peripheral> peripherals;  ///< where they are
+  std::vector<std::string> real_peripherals;   ///< payloads whose peripherals are on the bus themselves
   GpsSettings gps;
   WatchdogSettings watchdog;
   SkyCameraSettings camera;
   double rs422_flip_probability = 0;   ///< of each bit
   double rs422_burst_probability = 0;  ///< of each octet to begin 32 octets of noise
-  std::optional<std::string> can_log;  ///< relative to VAR
+  std::optional<std::string> can_log;  ///< relative to VAR; of a further bus: NAME.log beside it
   std::size_t can_log_limit =
       16U << 20U;  ///< octets; at the limit the file becomes FILE.1 and a new one starts
 };

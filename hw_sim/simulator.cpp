@@ -14,12 +14,14 @@
 #include "hw/open.hpp"
 #include "hw_sim/frame_peripheral_channel.hpp"
 #include "hw_sim/isotp_peripheral_channel.hpp"
+#include "suite/deployment.hpp"
 
 namespace srfs::sim {
 namespace {
 
 constexpr nanoseconds world_step = milliseconds(20);
 constexpr nanoseconds longest_step = seconds(1);
+constexpr std::string_view first_bus = "can";
 constexpr std::int64_t default_restart_ms = 100;    // of a controller that goes bus-off
 constexpr std::uint64_t seeds_of_peripherals = 16;  ///< from the world's seed on, by CAN address
 
@@ -190,7 +192,9 @@ Simulator::Simulator(EventLoop& loop, const SimulationSettings& settings, Monoto
 
 void Simulator::make_stations(const SimulationSettings& settings, const PeripheralModels& models) {
   constexpr std::string_view prefix = "payload_";
+  const auto& real = settings.real_peripherals;
   for (const suite::Peripheral& place : settings.peripherals) {
+    if (std::find(real.begin(), real.end(), place.payload) != real.end()) continue;
     const auto make = models.find(place.payload);
     if (make == models.end()) {
       log::warn("no model of the peripheral of {}: CAN address {:#04x} is silent", place.payload,
@@ -225,7 +229,9 @@ std::string Simulator::station_names() const {
 }
 
 Simulator::~Simulator() {
-  if (hub_) loop_.unwatch(hub_->fd());
+  for (auto& [name, bus] : buses_) {
+    if (bus.hub) loop_.unwatch(bus.hub->fd());
+  }
   loop_.set_timer(step_timer_, std::nullopt);
 }
 
@@ -243,33 +249,48 @@ Result<std::unique_ptr<Simulator>, std::string> Simulator::create(
   return simulator;
 }
 
+Result<void, std::string> Simulator::open_hub(const std::string& name, const SimulationSettings& settings,
+                                              const std::filesystem::path& var) {
+  SimulatedBus& bus = buses_[name];
+  bus.uri = settings.devices.can.at(name);
+  const auto uri = hw::parse_device_uri(bus.uri, {"sim", "socketcan"});
+  if (!uri) return Err(uri.error().message);
+  if (uri->scheme != "sim") {
+    if (settings.can_log)
+      log::warn("simulation.can_log records only the simulated bus; use candump for {}", bus.uri);
+    return {};
+  }
+  const std::uint64_t seed = settings.world.seed + 2 + buses_.size();
+  auto hub = CanHub::create(hw::below_var(uri->rest, var), BusArbiter(500'000, 64, seed));
+  if (!hub) return Err(hub.error());
+  bus.hub = std::move(*hub);
+  bus.hub->set_automatic_restart(milliseconds(default_restart_ms));
+  loop_.watch(bus.hub->fd(), EPOLLIN,
+              [hub = bus.hub.get()](std::uint32_t, MonotonicTime t) { hub->on_readable(t); });
+  if (!settings.can_log) return {};
+  std::filesystem::path file = hw::below_var(*settings.can_log, var);
+  if (name != first_bus) file.replace_filename(name + ".log");
+  bus.log = std::make_unique<CanLog>(file, settings.can_log_limit);
+  bus.hub->set_tap([log = bus.log.get()](const BusDelivery& delivery) { log->record(delivery); });
+  return {};
+}
+
 Result<void, std::string> Simulator::open_can(const SimulationSettings& settings,
                                               const std::filesystem::path& var) {
-  const auto uri = hw::parse_device_uri(settings.devices.can, {"sim", "socketcan"});
-  if (!uri) return Err(uri.error().message);
-  if (uri->scheme == "sim") {
-    auto hub =
-        CanHub::create(hw::below_var(uri->rest, var), BusArbiter(500'000, 64, settings.world.seed + 3));
-    if (!hub) return Err(hub.error());
-    hub_ = std::move(*hub);
-    hub_->set_automatic_restart(milliseconds(default_restart_ms));
-    loop_.watch(hub_->fd(), EPOLLIN, [this](std::uint32_t, MonotonicTime t) { hub_->on_readable(t); });
-    if (settings.can_log) {
-      can_log_ = std::make_unique<CanLog>(hw::below_var(*settings.can_log, var), settings.can_log_limit);
-      hub_->set_tap([this](const BusDelivery& delivery) { can_log_->record(delivery); });
-    }
-  } else if (settings.can_log) {
-    log::warn("simulation.can_log records only the simulated bus; use candump for {}", settings.devices.can);
+  for (const auto& [name, uri] : settings.devices.can) {
+    if (auto opened = open_hub(name, settings, var); !opened) return opened;
   }
   for (Station& station : stations_) {
+    const auto bus = buses_.find(station.place.bus);
+    if (bus == buses_.end()) return Err(fmt::format("no bus '{}' of {}", station.place.bus, station.name));
     const std::uint8_t address = station.place.can_address;
     std::unique_ptr<PeripheralChannel> channel = channel_of(*station.model, address);
     std::vector<hw::CanFilter> filters;
     for (const wire::CanIdentifierPair& pair : channel->identifiers())
       filters.push_back(hw::exactly(pair.request, pair.answer, pair.extended));
-    auto bus = hw::open_can(settings.devices.can, var, std::move(filters));
-    if (!bus) return Err(bus.error().message);
-    station.on_bus = std::make_unique<CanPeripheral>(loop_, station.name, address, std::move(*bus),
+    auto handle = hw::open_can(bus->second.uri, var, std::move(filters));
+    if (!handle) return Err(handle.error().message);
+    station.on_bus = std::make_unique<CanPeripheral>(loop_, station.name, address, std::move(*handle),
                                                      std::move(channel), *station.peripheral);
   }
   return {};
@@ -277,6 +298,12 @@ Result<void, std::string> Simulator::open_can(const SimulationSettings& settings
 
 Result<void, std::string> Simulator::open_gps(const SimulationSettings& settings,
                                               const std::filesystem::path& var, MonotonicTime now) {
+  const bool pulse_is_real = !settings.devices.gps_pulse.starts_with("sim:");
+  const bool line_is_real = suite::is_hardware_line(settings.devices.gps_serial, var);
+  if (pulse_is_real != line_is_real)
+    return Err(fmt::format("gps_pulse {} and gps_serial {}: a receiver is real or simulated as a whole",
+                           settings.devices.gps_pulse, settings.devices.gps_serial));
+  if (pulse_is_real) return {};
   const auto pulse_path = served(settings.devices.gps_pulse, "sim", var);
   if (!pulse_path) return Err(pulse_path.error());
   const auto port_path = served(settings.devices.gps_serial, "serial", var);
@@ -312,9 +339,9 @@ void Simulator::point_camera(MonotonicTime now) {
   if (camera_switched_) camera_->set_power(world_.power().is_on(Load::camera));
 }
 
-Result<void, std::string> Simulator::open_others(const SimulationSettings& settings,
-                                                 const std::filesystem::path& var,
-                                                 const std::vector<std::string>& restart_command) {
+Result<void, std::string> Simulator::open_line(const SimulationSettings& settings,
+                                               const std::filesystem::path& var) {
+  if (suite::is_hardware_line(settings.devices.rs422, var)) return {};
   const auto computer_port = served(settings.devices.rs422, "serial", var);
   if (!computer_port) return Err(computer_port.error());
   auto rs422 =
@@ -323,7 +350,12 @@ Result<void, std::string> Simulator::open_others(const SimulationSettings& setti
   rs422_ = std::move(*rs422);
   rs422_->set_flip_probability(settings.rs422_flip_probability);
   rs422_->set_burst_probability(settings.rs422_burst_probability);
+  return {};
+}
 
+Result<void, std::string> Simulator::open_gpio(const SimulationSettings& settings,
+                                               const std::filesystem::path& var) {
+  if (!settings.devices.gpio.starts_with("sim:")) return {};
   const auto gpio_path = served(settings.devices.gpio, "sim", var);
   if (!gpio_path) return Err(gpio_path.error());
   auto gpio_socket =
@@ -332,7 +364,14 @@ Result<void, std::string> Simulator::open_others(const SimulationSettings& setti
       });
   if (!gpio_socket) return Err(gpio_socket.error());
   gpio_socket_ = std::move(*gpio_socket);
+  return {};
+}
 
+Result<void, std::string> Simulator::open_others(const SimulationSettings& settings,
+                                                 const std::filesystem::path& var,
+                                                 const std::vector<std::string>& restart_command) {
+  if (auto line = open_line(settings, var); !line) return line;
+  if (auto gpio = open_gpio(settings, var); !gpio) return gpio;
   if (auto watchdog = open_watchdog(settings, var, restart_command); !watchdog) return watchdog;
 
   auto control = SeqpacketServer::create(
@@ -371,10 +410,12 @@ void Simulator::step(MonotonicTime now) {
   for (Station& station : stations_) station.model->step(now - stepped_);
   stepped_ = now;
   point_camera(now);
-  rs422_->release_exclusive_holds();
-  gps_->release_exclusive_hold();
-  if (can_log_ && now - flushed_ >= seconds(1)) {
-    can_log_->flush();
+  if (rs422_) rs422_->release_exclusive_holds();
+  if (gps_) gps_->release_exclusive_hold();
+  if (now - flushed_ >= seconds(1)) {
+    for (auto& [name, bus] : buses_) {
+      if (bus.log) bus.log->flush();
+    }
     flushed_ = now;
   }
   loop_.set_timer(step_timer_, now + world_step);
@@ -407,11 +448,13 @@ void Simulator::set_peripheral_fault(const nlohmann::json& request) {
   found->on_bus->service(loop_.running_now());
 }
 
-void Simulator::set_bus_faults(const nlohmann::json& faults, MonotonicTime now) {
+void Simulator::set_bus_faults(const std::string& bus, const nlohmann::json& faults, MonotonicTime now) {
   only_keys(faults, {"loss", "bit_error", "corruption", "extra_delay_us", "muted", "babble", "bus_off",
                      "restart_ms"});
-  if (!hub_)
-    throw std::invalid_argument("'can': the bus is a real interface; only the simulated bus has faults");
+  CanHub* const hub = buses_.at(bus).hub.get();
+  if (hub == nullptr)
+    throw std::invalid_argument(
+        fmt::format("'{}': the bus is a real interface; only the simulated bus has faults", bus));
   BusFaults all;  // what is not named is off
   all.loss_probability = probability(faults, "loss", 0);
   all.bit_error_probability = probability(faults, "bit_error", 0);
@@ -425,26 +468,27 @@ void Simulator::set_bus_faults(const nlohmann::json& faults, MonotonicTime now) 
   }
   const std::optional<Babble> babble = babble_of(faults);
   const milliseconds restart(integer(faults, "restart_ms", 0, 60'000, default_restart_ms));
-  hub_->set_faults(std::move(all));
-  hub_->set_babble(babble, now);
-  hub_->set_automatic_restart(restart > milliseconds(0) ? std::optional<nanoseconds>(restart) : std::nullopt);
-  if (faults.contains("bus_off")) force_bus_off(faults.at("bus_off").get<std::string>(), now);
+  hub->set_faults(std::move(all));
+  hub->set_babble(babble, now);
+  hub->set_automatic_restart(restart > milliseconds(0) ? std::optional<nanoseconds>(restart) : std::nullopt);
+  if (faults.contains("bus_off")) force_bus_off(bus, faults.at("bus_off").get<std::string>(), now);
 }
 
-void Simulator::force_bus_off(const std::string& station, MonotonicTime now) {
+void Simulator::force_bus_off(const std::string& bus, const std::string& station, MonotonicTime now) {
   std::optional<std::uint8_t> address;
   if (station == "computer") address = CanPeripheral::computer_address;
   for (const Station& known : stations_) {
-    if (station == known.name) address = known.place.can_address;
+    if (station == known.name && known.place.bus == bus) address = known.place.can_address;
   }
   if (!address)
     throw std::invalid_argument(fmt::format("'bus_off': expected one of computer, {}", station_names()));
-  if (!hub_->force_bus_off(*address, now))
+  if (!buses_.at(bus).hub->force_bus_off(*address, now))
     throw std::invalid_argument(fmt::format("'bus_off': {} has not sent a frame yet", station));
 }
 
 void Simulator::set_line_faults(const nlohmann::json& faults) {
   only_keys(faults, {"flip_probability", "burst_probability", "cut"});
+  if (!rs422_) throw std::invalid_argument("'rs422': the line is real; only the simulated one has faults");
   if (faults.contains("cut") && !faults.at("cut").is_boolean())
     throw std::invalid_argument("'cut': expected true or false");
   rs422_->set_flip_probability(probability(faults, "flip_probability", 0));
@@ -474,12 +518,13 @@ nlohmann::json Simulator::counters() const {
   nlohmann::json out;
   for (const Station& station : stations_)
     out["peripherals"][station.name] = counters_of(*station.peripheral, *station.on_bus);
-  if (hub_) {
-    out["can"] = counters_of(*hub_);
-    if (can_log_) out["can"]["log_octets_lost"] = can_log_->lost();
+  for (const auto& [name, bus] : buses_) {
+    if (bus.hub) out[name] = counters_of(*bus.hub);
+    if (bus.log) out[name]["log_octets_lost"] = bus.log->lost();
   }
-  out["rs422"] = {{"uplink", counters_of(rs422_->uplink())}, {"downlink", counters_of(rs422_->downlink())}};
-  out["gps"] = counters_of(*gps_);
+  if (rs422_)
+    out["rs422"] = {{"uplink", counters_of(rs422_->uplink())}, {"downlink", counters_of(rs422_->downlink())}};
+  if (gps_) out["gps"] = counters_of(*gps_);
   if (watchdog_) out["watchdog"] = counters_of(*watchdog_);
   out["gpio"] = {{"requests", gpio_.counters().requests}, {"refused", gpio_.counters().refused}};
   if (camera_) out["camera"] = camera_->counters();
@@ -501,7 +546,7 @@ nlohmann::json Simulator::executed() const {
 nlohmann::json Simulator::query(const std::string& what) const {
   if (what == "truth") {
     nlohmann::json truth = world_.truth();
-    truth["utc"] = to_iso8601(gps_->true_utc(monotonic_now()), 6);
+    truth["utc"] = to_iso8601(gps_ ? gps_->true_utc(monotonic_now()) : system_utc_now(), 6);
     return truth;
   }
   if (what == "counters") return counters();
@@ -512,6 +557,7 @@ nlohmann::json Simulator::query(const std::string& what) const {
 
 /// A fault by name, or an object with the keys of a disturbance.
 void Simulator::set_gps(const nlohmann::json& wanted) {
+  if (!gps_) throw std::invalid_argument("'gps': the receiver is real; only the simulated one has faults");
   const nlohmann::json keys = wanted.is_object() ? wanted : nlohmann::json{{"fault", wanted}};
   // JSON is YAML: the reader of the deployment's script serves here, too.
   const ConfigSection section = ConfigSection::parse(keys.dump(), "gps");
@@ -528,12 +574,16 @@ nlohmann::json Simulator::apply(const nlohmann::json& request, MonotonicTime now
     reply["ok"] = true;
     return reply;
   }
-  only_keys(request, {"peripheral", "gps", "rs422", "can", "gpio", "camera", "query"});
+  nlohmann::json others = request;  // than the buses
+  for (const auto& [name, bus] : buses_) others.erase(name);
+  only_keys(others, {"peripheral", "gps", "rs422", "gpio", "camera", "query"});
   if (request.contains("gps")) {
     set_gps(request.at("gps"));
   }
   if (request.contains("rs422")) set_line_faults(request.at("rs422"));
-  if (request.contains("can")) set_bus_faults(request.at("can"), now);
+  for (const auto& [name, bus] : buses_) {
+    if (request.contains(name)) set_bus_faults(name, request.at(name), now);
+  }
   if (request.contains("gpio")) set_gpio_inputs(request.at("gpio"));
   if (request.contains("camera")) set_camera(request.at("camera"));
   if (request.contains("query")) reply = query(request.at("query").get<std::string>());

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <filesystem>
+#include <map>
 #include <memory>
 #include <string>
 #include <vector>
@@ -49,14 +50,26 @@ class Simulator {
     std::unique_ptr<Peripheral> peripheral;
     std::unique_ptr<CanPeripheral> on_bus;
   };
+  struct SimulatedBus {
+    std::string uri;
+    std::unique_ptr<CanLog> log;  ///< of the simulated bus, if there is to be one
+    std::unique_ptr<CanHub> hub;  ///< none when the bus is a real interface
+  };
   Simulator(EventLoop& loop, const SimulationSettings& settings, MonotonicTime now);
   void make_stations(const SimulationSettings& settings, const PeripheralModels& models);
   void switch_power(std::size_t line, bool on);
   [[nodiscard]] std::string station_names() const;
   [[nodiscard]] Result<void, std::string> open_can(const SimulationSettings& settings,
                                                    const std::filesystem::path& var);
+  [[nodiscard]] Result<void, std::string> open_hub(const std::string& name,
+                                                   const SimulationSettings& settings,
+                                                   const std::filesystem::path& var);
   [[nodiscard]] Result<void, std::string> open_gps(const SimulationSettings& settings,
                                                    const std::filesystem::path& var, MonotonicTime now);
+  [[nodiscard]] Result<void, std::string> open_line(const SimulationSettings& settings,
+                                                    const std::filesystem::path& var);
+  [[nodiscard]] Result<void, std::string> open_gpio(const SimulationSettings& settings,
+                                                    const std::filesystem::path& var);
   [[nodiscard]] Result<void, std::string> open_others(const SimulationSettings& settings,
                                                       const std::filesystem::path& var,
                                                       const std::vector<std::string>& restart_command);
@@ -70,8 +83,8 @@ class Simulator {
 
   // Control requests, one per key. Each throws std::invalid_argument with what was expected.
   void set_peripheral_fault(const nlohmann::json& request);
-  void set_bus_faults(const nlohmann::json& faults, MonotonicTime now);
-  void force_bus_off(const std::string& station, MonotonicTime now);
+  void set_bus_faults(const std::string& bus, const nlohmann::json& faults, MonotonicTime now);
+  void force_bus_off(const std::string& bus, const std::string& station, MonotonicTime now);
   void set_line_faults(const nlohmann::json& faults);
   void set_gps(const nlohmann::json& wanted);
   void set_gpio_inputs(const nlohmann::json& bank);
@@ -84,13 +97,12 @@ class Simulator {
 
   EventLoop& loop_;
   SpacecraftWorld world_;
-  std::unique_ptr<CanLog> can_log_;
-  std::unique_ptr<CanHub> hub_;  // none when the bus is a real interface
+  std::map<std::string, SimulatedBus, std::less<>> buses_;
   std::vector<Station> stations_;
   GpioBank gpio_;
   std::unique_ptr<SeqpacketServer> gpio_socket_;
-  std::unique_ptr<GpsDevice> gps_;
-  std::unique_ptr<Rs422Device> rs422_;
+  std::unique_ptr<GpsDevice> gps_;        // none when the receiver is real
+  std::unique_ptr<Rs422Device> rs422_;    // none when the line is real
   std::unique_ptr<CameraDevice> camera_;  // none when the deployment has another
   bool camera_switched_ = false;          ///< it follows its load switch
   std::unique_ptr<WatchdogDevice> watchdog_;

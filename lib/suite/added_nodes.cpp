@@ -61,6 +61,8 @@ AddedNode read_added_node(const ConfigSection& section) {
 /// Its peripheral may be on the bus from the start (`peripherals` of the file), at the same place then.
 std::string refusal_of_peripheral(const Deployment& d, const NodeEntry& entry) {
   if (!entry.peripheral) return "";
+  if (entry.peripheral->bus != d.buses.front().name)
+    return fmt::format("the peripheral of an added node is on the bus '{}'", d.buses.front().name);
   const Peripheral* const known = d.peripheral_of(entry.name);
   if (known == nullptr) return refusal_of_place(*entry.peripheral, d.peripherals);
   if (*known == *entry.peripheral) return "";
@@ -81,10 +83,11 @@ std::string add(Deployment& d, const AddedNode& node) {
     return refusal;
   if (description.slot) {
     if (!node.flag || *node.flag >= slots_at_most) return "no position for its task flag";
-    if (*node.flag < d.slots.size() && !d.slots[*node.flag].payload.empty())
-      return fmt::format("task flag {} belongs to {}", *node.flag, d.slots[*node.flag].payload);
-    if (d.slots.size() <= *node.flag) d.slots.resize(*node.flag + 1);
-    d.slots[*node.flag] = std::move(*description.slot);
+    std::vector<Slot>& slots = d.buses.front().slots;
+    if (*node.flag < slots.size() && !slots[*node.flag].payload.empty())
+      return fmt::format("task flag {} belongs to {}", *node.flag, slots[*node.flag].payload);
+    if (slots.size() <= *node.flag) slots.resize(*node.flag + 1);
+    slots[*node.flag] = std::move(*description.slot);
   }
   d.devices.insert(description.devices.begin(), description.devices.end());
   if (description.entry.peripheral && d.peripheral_of(node.name) == nullptr)

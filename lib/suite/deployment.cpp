@@ -70,7 +70,8 @@ Peripheral read_peripheral(const ConfigSection& section, std::string payload) {
       std::move(payload),
       static_cast<std::uint8_t>(
           section.integer("can_address", Peripheral::lowest_can_address, Peripheral::highest_can_address)),
-      static_cast<std::uint8_t>(section.integer("power_line", 0, Peripheral::power_lines - 1))};
+      static_cast<std::uint8_t>(section.integer("power_line", 0, Peripheral::power_lines - 1)),
+      section.text("bus", "can")};
   section.finish();
   return peripheral;
 }
@@ -187,9 +188,63 @@ void check_names(const Deployment& d, const ConfigSection& root) {
     if (std::count_if(d.nodes.begin(), d.nodes.end(), same) != 1)
       throw root.bad("nodes", "different names, '" + node.name + "' appears twice");
   }
-  for (const Slot& slot : d.slots) {
+}
+
+/// `slots` of the first bus, and the further ones.
+void read_buses(Deployment& d, const ConfigSection& root) {
+  const auto read_slots = [](const ConfigSection& section, Bus& bus) {
+    for (const ConfigSection& slot : section.sections("slots")) {
+      bus.slots.push_back(read_slot(slot, slot.text("payload")));
+      slot.finish();
+    }
+  };
+  read_slots(root, d.buses.front());
+  for (const ConfigSection& section : root.sections("buses")) {
+    Bus bus{section.text("name"), section.text("switcher")};
+    const auto same = [&](const Bus& other) {
+      return other.name == bus.name || other.switcher == bus.switcher;
+    };
+    if (!is_node_name(bus.name)) throw section.bad("name", "1-32 characters of a-z, 0-9 and _");
+    if (std::any_of(d.buses.begin(), d.buses.end(), same))
+      throw section.bad("name", "another name and switcher than those of the buses before");
+    if (!d.devices.contains(bus.name)) throw section.bad("name", "the key of its URI in devices");
+    read_slots(section, bus);
+    section.finish();
+    d.buses.push_back(std::move(bus));
+  }
+}
+
+void check_slots(const Deployment& d, const Bus& bus, const ConfigSection& root) {
+  for (const Slot& slot : bus.slots) {
     if (d.find(slot.payload) == nullptr)
       throw root.bad("slots", "payloads that are nodes of this file, '" + slot.payload + "' is not one");
+    const Peripheral* const place = d.peripheral_of(slot.payload);
+    if (place != nullptr && place->bus != bus.name)
+      throw root.bad("slots",
+                     fmt::format("{}: a slot on the bus of its peripheral, '{}'", slot.payload, place->bus));
+  }
+}
+
+/// After nodes and peripherals. The nodes of a further bus get its topics.
+void check_buses(Deployment& d, const ConfigSection& root) {
+  const auto first = d.buses.begin();
+  for (const Bus& bus : d.buses) {
+    check_slots(d, bus, root);
+    if (bus.name != first->name && d.find(bus.switcher) == nullptr)
+      throw root.bad("buses",
+                     fmt::format("switchers that are nodes of this file, '{}' is not one", bus.switcher));
+  }
+  for (const Peripheral& peripheral : d.peripherals) {
+    const auto is_its = [&](const Bus& bus) { return bus.name == peripheral.bus; };
+    if (std::none_of(d.buses.begin(), d.buses.end(), is_its))
+      throw root.bad("buses", fmt::format("the bus '{}' of {}", peripheral.bus, peripheral.payload));
+  }
+  for (NodeEntry& node : d.nodes) {
+    const Bus& bus = d.bus_of(node.name);
+    if (bus.name == first->name) continue;
+    for (const char* topic : {"task_flags", "bus_status", "reset_peripheral"})
+      node.remap.push_back(
+          {fmt::format("/{}/{}", first->name, topic), fmt::format("/{}/{}", bus.name, topic)});
   }
 }
 
@@ -217,7 +272,7 @@ void read_peripherals(Deployment& d, const ConfigSection& root) {
 std::string refusal_of_place(const Peripheral& peripheral, const std::vector<Peripheral>& others) {
   for (const Peripheral& other : others) {
     if (other.payload == peripheral.payload) return fmt::format("{} has two", peripheral.payload);
-    if (other.can_address == peripheral.can_address)
+    if (other.bus == peripheral.bus && other.can_address == peripheral.can_address)
       return fmt::format("CAN address {:#04x} is that of {} and of {}", peripheral.can_address, other.payload,
                          peripheral.payload);
     if (other.power_line == peripheral.power_line)
@@ -362,10 +417,7 @@ Deployment Deployment::load(const std::filesystem::path& file) {
   const ConfigSection devices = root.section("devices");
   for (const std::string& key : devices.keys()) d.devices[key] = devices.text(key);
   d.link = read_link(root.section("link"));
-  for (const ConfigSection& slot : root.sections("slots")) {
-    d.slots.push_back(read_slot(slot, slot.text("payload")));
-    slot.finish();
-  }
+  read_buses(d, root);
   for (const ConfigSection& node : root.sections("nodes")) d.nodes.push_back(read_node(node));
   if (d.nodes.empty()) throw root.bad("nodes", "at least one node");
   if (root.has("programs")) {
@@ -381,6 +433,7 @@ Deployment Deployment::load(const std::filesystem::path& file) {
   read_peripherals(d, root);
   root.finish();
   check_names(d, root);
+  check_buses(d, root);
   if (d.ring.enabled) check_ring(d, root.section("ring"));
   for (NodeEntry& node : d.nodes) {
     if (node.worker_deadline == node.worker_deadline.zero()) node.worker_deadline = d.ring.worker_deadline;
@@ -392,6 +445,17 @@ const NodeEntry* Deployment::find(const std::string& node) const {
   const auto found =
       std::find_if(nodes.begin(), nodes.end(), [&](const NodeEntry& e) { return e.name == node; });
   return found == nodes.end() ? nullptr : &*found;
+}
+
+const Bus& Deployment::bus_of(const std::string& node) const {
+  const Peripheral* const place = peripheral_of(node);
+  for (const Bus& bus : buses) {
+    const auto has_turn = [&](const Slot& slot) { return slot.payload == node; };
+    if (bus.switcher == node || (place != nullptr && place->bus == bus.name) ||
+        std::any_of(bus.slots.begin(), bus.slots.end(), has_turn))
+      return bus;
+  }
+  return buses.front();
 }
 
 const Peripheral* Deployment::peripheral_of(const std::string& payload) const {

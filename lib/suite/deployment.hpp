@@ -68,6 +68,14 @@ struct Slot {
 };
 inline constexpr std::size_t slots_at_most = 16;  ///< bound of TaskFlags.flags
 
+/// A CAN bus: who has turns on it. Its URI is in `devices` under its name, its topics are /NAME/task_flags
+/// and so on.
+struct Bus {
+  std::string name = "can";
+  std::string switcher = "can_switcher";  ///< the node that grants it
+  std::vector<Slot> slots = {};
+};
+
 /// The payloads of a plan in the order of their turns.
 [[nodiscard]] std::vector<std::string> turns_of(const std::vector<Slot>& slots);
 
@@ -156,7 +164,7 @@ struct Deployment {
   bool drop_foreign = false;  ///< drop what participants outside the suite publish on flight topics
   std::map<std::string, std::string> devices;
   LinkSettings link;
-  std::vector<Slot> slots;
+  std::vector<Bus> buses{Bus{}};  ///< the first is that of `slots`, and of added nodes
   RingSettings ring;
   std::vector<NodeEntry> nodes;  ///< in start order
   /// Those of the nodes, and those on the bus whose node may be added. No two at one place.
@@ -168,6 +176,8 @@ struct Deployment {
   /// Throws ConfigError that names file, line, key and what was expected.
   static Deployment load(const std::filesystem::path& file);
   [[nodiscard]] const NodeEntry* find(const std::string& node) const;
+  /// The bus that the node grants, or has a turn or its peripheral on; the first for all others.
+  [[nodiscard]] const Bus& bus_of(const std::string& node) const;
   /// nullptr: the deployment places none.
   [[nodiscard]] const Peripheral* peripheral_of(const std::string& payload) const;
   /// Without it no telecommand is taken or executed, or the watchdog resets the computer: what the ring has

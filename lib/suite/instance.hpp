@@ -51,8 +51,10 @@ struct VarPaths {
   /// Makes run(), for this user alone unless it is there and others may write to it: locks and sockets lie
   /// there.
   void make_run_folder() const;
-  /// The node that may write to the CAN bus, kept by can_switcher for its successor.
-  [[nodiscard]] std::filesystem::path can_holder() const { return memory() / "can_holder"; }
+  /// The node that may write to a CAN bus, kept by its switcher for its successor.
+  [[nodiscard]] std::filesystem::path holder_of(const std::string& bus) const {
+    return memory() / (bus + "_holder");
+  }
   [[nodiscard]] std::filesystem::path domain_file() const { return run() / "dds_domain"; }
 };
 

@@ -60,7 +60,7 @@ std::optional<std::size_t> free_flag(const Deployment& file, const AddedNodes& a
   for (const AddedNode& node : added.nodes) {
     if (node.flag) taken.insert(*node.flag);
   }
-  for (std::size_t flag = file.slots.size(); flag < slots_at_most; ++flag) {
+  for (std::size_t flag = file.buses.front().slots.size(); flag < slots_at_most; ++flag) {
     if (!taken.contains(flag)) return flag;
   }
   return std::nullopt;
@@ -113,7 +113,7 @@ Result<void, std::string> check(const Deployment& file, const AddedNodes& added,
     return Err(fmt::format("the ring has no node '{}' to check it", node.ring_after));
   node.flag.reset();
   if (description.slot) {
-    const auto turns = turns_of(before.slots);
+    const auto turns = turns_of(before.buses.front().slots);
     const std::string& after = description.slot->after;
     if (!after.empty() && std::find(turns.begin(), turns.end(), after) == turns.end())
       return Err(fmt::format("slot.after: '{}' has no slot", after));

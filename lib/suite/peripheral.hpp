@@ -16,6 +16,7 @@ struct Peripheral {
   std::string payload;  ///< the node that owns it
   std::uint8_t can_address = 0;
   std::uint8_t power_line = 0;
+  std::string bus = "can";  ///< that it is on
 
   friend bool operator==(const Peripheral&, const Peripheral&) = default;
 };

@@ -67,9 +67,26 @@ class Dictionary:
             for field in structure["fields"]:
                 self._lay_out(field, structure)
         self.structure_of = {s["name"]: s for s in self.structures}
+        self.structures = self._included_first()
         self.parameters = [single for entry in self.parameters for single in self._of_each_node(entry)]
         self._check()
         self.wire_commands = list(self._wire_commands())
+
+    def _included_first(self):
+        """The structures in their order, but each behind those that it includes."""
+        ordered = {}
+
+        def add(structure, including):
+            if structure["name"] in including:
+                raise DictionaryError(f"{structure['file']}: {structure['name']} includes itself")
+            for field in structure["fields"]:
+                if field.get("structure") in self.structure_of:
+                    add(self.structure_of[field["structure"]], {*including, structure["name"]})
+            ordered.setdefault(structure["name"], structure)
+
+        for structure in self.structures:
+            add(structure, set())
+        return list(ordered.values())
 
     def _merge(self, file, fragment=False):
         content = yaml.safe_load(file.read_text(encoding="utf-8"))

@@ -26,10 +26,10 @@ constexpr nanoseconds housekeeping_period = seconds(1);
 constexpr nanoseconds failure_event_period = seconds(10);  // per payload
 constexpr const char* timing_node = "timing";              // whose ticks these are
 
-std::vector<Slot> plan_of(const suite::Deployment& deployment) {
+std::vector<Slot> plan_of(const suite::Bus& bus) {
   std::vector<Slot> slots;
-  slots.reserve(deployment.slots.size());
-  for (const suite::Slot& slot : deployment.slots)
+  slots.reserve(bus.slots.size());
+  for (const suite::Slot& slot : bus.slots)
     slots.push_back({slot.payload, slot.allotted, slot.overrun, slot.reset});
   return slots;
 }
@@ -46,12 +46,20 @@ CanSwitcherNode::CanSwitcherNode(suite::NodeContext& context) : Node(context) {
       "Payloads in slot order; a payload not named gets no slot; empty: the deployment's slots");
   declare_parameter("early_handover", false,
                     "A slot released without a frame goes to the next payload at once, not at the next tick");
+  declare_parameter("apid", std::int64_t{mission::CanSwitcherHousekeeping::apid},
+                    ros::ParameterRange{1, 2046},
+                    "APID of this node in the dictionary; of the switcher of a further bus, its own", true);
+  declare_parameter("structure", std::int64_t{mission::CanSwitcherHousekeeping::structure_id},
+                    ros::ParameterRange{1, 65535},
+                    "Housekeeping structure with the content of can_switcher, of this node", true);
+  declare_parameter("bus_structure", std::int64_t{mission::CanBusHousekeeping::structure_id},
+                    ros::ParameterRange{1, 65535}, "The same of can_bus", true);
   on_parameter_check([this](const std::string& parameter,
                             const ros::ParameterValue& value) -> Result<void, std::string> {
     if (parameter != "rotation_order") return {};
     const auto& payloads = std::get<std::vector<std::string>>(value);
     for (const std::string& payload : payloads) {
-      const auto& slots = deployment().slots;
+      const auto& slots = bus().slots;
       const bool known =
           !payload.empty() &&
           std::any_of(slots.begin(), slots.end(), [&](const suite::Slot& s) { return s.payload == payload; });
@@ -72,7 +80,7 @@ void CanSwitcherNode::apply_parameters() {
 }
 
 std::vector<std::string> CanSwitcherNode::turns() const {
-  const auto all = suite::turns_of(deployment().slots);
+  const auto all = suite::turns_of(bus().slots);
   auto order = get_parameter<std::vector<std::string>>("rotation_order");
   std::erase_if(order, [&](const std::string& payload) {  // it may have been removed since
     return std::find(all.begin(), all.end(), payload) == all.end();
@@ -87,13 +95,15 @@ void CanSwitcherNode::on_deployment_changed() {
 
 void CanSwitcherNode::place_peripherals() {
   static_assert(suite::Peripheral::power_lines == hw::gpio_power_count);
-  power_cut_.place(deployment().peripherals);
-  if (listener_) listener_->unattended().place(deployment().peripherals);
+  std::vector<suite::Peripheral> ours = deployment().peripherals;
+  std::erase_if(ours, [this](const suite::Peripheral& p) { return p.bus != bus().name; });
+  power_cut_.place(ours);
+  if (listener_) listener_->unattended().place(ours);
 }
 
 void CanSwitcherNode::take_plan() {
   const auto before = rotation_->turns();
-  plan_waits_ = !rotation_->set_plan(plan_of(deployment()), turns());
+  plan_waits_ = !rotation_->set_plan(plan_of(bus()), turns());
   failure_reported_.resize(rotation_->slots().size());
   slot_use_.resize(rotation_->slots().size());
   const auto now_turns = rotation_->turns();
@@ -107,8 +117,8 @@ void CanSwitcherNode::take_plan() {
 // ---------------------------------------------------------------- lifecycle
 
 CallbackReturn CanSwitcherNode::on_configure() {
-  const std::size_t count = deployment().slots.size();
-  if (suite::turns_of(deployment().slots).empty() || count > suite::slots_at_most) {
+  const std::size_t count = bus().slots.size();
+  if (suite::turns_of(bus().slots).empty() || count > suite::slots_at_most) {
     set_failure_reason(fmt::format("{}: 'slots': expected 1 to {} entries, found {}",
                                    deployment().file.string(), suite::slots_at_most, count));
     return CallbackReturn::failure;
@@ -130,14 +140,14 @@ CallbackReturn CanSwitcherNode::on_configure() {
 void CanSwitcherNode::make_rotation() {
   std::optional<InheritedGrant> granted;
   if (!rotation_) {
-    auto record = HolderRecord::open(var().can_holder());
+    auto record = HolderRecord::open(var().holder_of(bus().name));
     if (record) {
       holder_record_ = std::move(*record);
     } else {
       log::error("{}; a restarted switcher will not know the bus holder", record.error());
     }
     granted = inherited(holder_record_ ? holder_record_->read() : std::nullopt);
-    rotation_.emplace(plan_of(deployment()), incarnation(), monotonic_now(), granted);
+    rotation_.emplace(plan_of(bus()), incarnation(), monotonic_now(), granted);
     if (!granted) rotation_->await_empty_queue(monotonic_now());
     rotation_->set_recall_time(milliseconds(get_parameter<std::int64_t>("recall_ms")));
     rotation_->suspend();
@@ -156,10 +166,9 @@ void CanSwitcherNode::make_rotation() {
 std::optional<InheritedGrant> CanSwitcherNode::inherited(
     const std::optional<HolderRecord::Holder>& holder) const {
   // The process of a payload that was removed meanwhile is gone: it was ended before.
-  if (!holder || holder->slot >= deployment().slots.size() ||
-      deployment().slots[holder->slot].payload.empty())
+  if (!holder || holder->slot >= bus().slots.size() || bus().slots[holder->slot].payload.empty())
     return std::nullopt;
-  InheritedGrant granted{deployment().slots[holder->slot].payload, std::nullopt};
+  InheritedGrant granted{bus().slots[holder->slot].payload, std::nullopt};
   const auto process = holder->process != 0 ? std::optional(holder->process) : std::nullopt;
   const auto instance = suite::find_instance(var(), granted.payload);
   // A process without a number has not opened the bus yet.
@@ -180,8 +189,8 @@ void CanSwitcherNode::open_topics() {
 }
 
 void CanSwitcherNode::open_bus() {
-  if (!deployment().devices.contains("can")) return;
-  listener_ = BusListener::open(device("can"), var().root);
+  if (!deployment().devices.contains(bus().name)) return;
+  listener_ = BusListener::open(device(bus().name), var().root);
   if (!listener_) return;
   place_peripherals();
   listen_timer_ = create_timer(
@@ -653,7 +662,7 @@ void CanSwitcherNode::read_payloads() {
     payloads_ = mission::Dictionary::payloads_of(mission::Dictionary::default_folder());
   } catch (const ConfigError& e) {
     log::error("{}; counters per payload are in slot order", e.what());
-    payloads_ = suite::turns_of(deployment().slots);
+    payloads_ = suite::turns_of(bus().slots);
   }
   if (payloads_.size() > mission::most_payloads) payloads_.resize(mission::most_payloads);
 }
@@ -710,8 +719,8 @@ void CanSwitcherNode::publish_housekeeping() {
   hk.ticks_substituted = ticks.substitutes;
   hk.ticks_superseded = ticks.made;
   hk.tick_outages = ticks.outages;
-  publish_telemetry(
-      suite::telemetry_message(name(), hk, hk.cycle, time_.utc_at(now()), time_.valid(), now()));
+  publish_as("structure",
+             suite::telemetry_message(name(), hk, hk.cycle, time_.utc_at(now()), time_.valid(), now()));
 }
 
 void CanSwitcherNode::publish_bus_statistics() {
@@ -755,8 +764,14 @@ void CanSwitcherNode::publish_bus_statistics() {
     }
     use.used = use.allotted = nanoseconds(0);
   }
-  publish_telemetry(
-      suite::telemetry_message(name(), hk, hk.cycle, time_.utc_at(now()), time_.valid(), now()));
+  publish_as("bus_structure",
+             suite::telemetry_message(name(), hk, hk.cycle, time_.utc_at(now()), time_.valid(), now()));
+}
+
+void CanSwitcherNode::publish_as(const char* structure, srfs_msgs::msg::PayloadTelemetry message) {
+  message.apid = static_cast<std::uint16_t>(get_parameter<std::int64_t>("apid"));
+  message.structure_id = static_cast<std::uint16_t>(get_parameter<std::int64_t>(structure));
+  publish_telemetry(message);
 }
 
 void CanSwitcherNode::report_flood(BusMeter::Flood flood) {

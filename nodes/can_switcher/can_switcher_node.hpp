@@ -45,6 +45,7 @@ class CanSwitcherNode : public suite::Node {
   [[nodiscard]] std::vector<std::string> turns() const;
   void take_plan();
   void place_peripherals();
+  [[nodiscard]] const suite::Bus& bus() const { return deployment().bus_of(name()); }
   void on_tick(const srfs_msgs::msg::TimeTick& tick, MonotonicTime received);
   void run(HoldoverActions actions);
   void carry_out(const Beat& action);
@@ -96,6 +97,8 @@ class CanSwitcherNode : public suite::Node {
   [[nodiscard]] std::optional<std::size_t> place_in_telemetry(std::size_t slot) const;
   void publish_housekeeping();
   void publish_bus_statistics();
+  /// Under the APID of this node. @param structure  parameter that says which of the dictionary's it is
+  void publish_as(const char* structure, srfs_msgs::msg::PayloadTelemetry message);
   void report_flood(BusMeter::Flood flood);
   void close();
   std::shared_ptr<ros::Publisher<srfs_msgs::msg::TaskFlags>> flags_;

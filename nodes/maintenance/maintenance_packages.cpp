@@ -201,7 +201,7 @@ void MaintenanceNode::carry_out(const TestProgram& action) {
 std::optional<std::string> MaintenanceNode::describe_new_node(const TestProgram& action) const {
   if (action.manifest.kind != update::PackageKind::add) return std::nullopt;
   suite::AddedNode node = suite::added_node_of(action.manifest, action.dictionary);
-  if (!node.slot.empty()) node.flag = deployment().slots.size();
+  if (!node.slot.empty()) node.flag = deployment().buses.front().slots.size();
   const suite::AddedNodes list{1, {std::move(node)}};
   const auto written = write_file_atomically(lane_folders().added_nodes(), to_text(list));
   return written ? std::nullopt : std::optional(written.error().message);

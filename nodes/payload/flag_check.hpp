@@ -21,7 +21,7 @@ class FlagCheck {
   /// Incarnation of the process that holds the switcher's instance lock; nullopt: there is none.
   using RunningSwitcher = std::function<std::optional<std::uint32_t>()>;
 
-  /// @param slots    the deployment's
+  /// @param slots    of its bus
   /// @param running  asked about a switcher that was not heard before
   [[nodiscard]] bool is_plausible(const srfs_msgs::msg::TaskFlags& flags,
                                   const std::vector<suite::Slot>& slots, MonotonicTime now,

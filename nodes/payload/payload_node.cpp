@@ -157,7 +157,7 @@ bool PayloadNode::open_devices() {
     }
     filters.push_back(hw::exactly(pair.answer, pair.request, pair.extended));
   }
-  auto can = hw::open_can(device("can"), var().root, std::move(filters));
+  auto can = hw::open_can(device(peripheral_.bus), var().root, std::move(filters));
   auto gpio = hw::open_gpio(device("gpio"), var().root);
   if (!can || !gpio) {
     set_failure_reason(!can ? can.error().message : gpio.error().message);
@@ -284,8 +284,9 @@ CallbackReturn PayloadNode::on_error() {
 // ---------------------------------------------------------------- input
 
 bool PayloadNode::is_plausible(const srfs_msgs::msg::TaskFlags& flags) {
-  return flag_check_.is_plausible(flags, deployment().slots, monotonic_now(), [this] {
-    const auto switcher = suite::find_instance(var(), "can_switcher");
+  const suite::Bus& bus = deployment().bus_of(name());
+  return flag_check_.is_plausible(flags, bus.slots, monotonic_now(), [this, &bus] {
+    const auto switcher = suite::find_instance(var(), bus.switcher);
     return switcher ? std::optional(switcher->incarnation) : std::nullopt;
   });
 }

@@ -98,7 +98,7 @@ int remove_node(const Target& target, const std::string& node, bool json) {
 }
 
 int list_added_nodes(const Target& target, bool json) {
-  const auto turns = suite::turns_of(target.deployment.slots);
+  const auto turns = suite::turns_of(target.deployment.buses.front().slots);
   Json list = Json::array();
   for (const suite::AddedNode& node : target.deployment.added) {
     const suite::AddedDescription description = suite::read_added_description(node);

@@ -80,8 +80,8 @@ constexpr std::array kinds{
     Kind{"v4l2", "camera", "/sys/class/video4linux", "video", "dmesg | grep -i video", R_OK | W_OK}};
 
 /// Executables that open a device, beside those of payloads; empty: one of added nodes, or unknown.
-std::vector<std::string_view> users_of(std::string_view key) {
-  if (key == "can" || key == "gpio") return {"can_switcher_node"};
+std::vector<std::string_view> users_of(std::string_view key, bool bus) {
+  if (bus || key == "gpio") return {"can_switcher_node"};
   if (key == "rs422") return {"ttc_node"};
   if (key == "camera") return {"image_acquisition_node"};
   if (key == "gps_pulse" || key == "gps_serial" || key == "watchdog") return {"timing_node"};
@@ -90,8 +90,11 @@ std::vector<std::string_view> users_of(std::string_view key) {
 
 /// The accounts of the processes that open a device, each once.
 std::vector<Account> accounts_for(const Examination& x, std::string_view key) {
-  const auto executables = users_of(key);
-  const bool of_payloads = key == "can" || key == "gpio";
+  const auto& buses = x.deployment.buses;
+  const bool bus =
+      std::any_of(buses.begin(), buses.end(), [&](const suite::Bus& b) { return b.name == key; });
+  const auto executables = users_of(key, bus);
+  const bool of_payloads = bus || key == "gpio";
   std::vector<Account> accounts;
   for (const NodeEntry& node : x.deployment.nodes) {
     const std::string executable = fs::path(node.executable).filename();

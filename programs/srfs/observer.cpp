@@ -158,9 +158,15 @@ int record(const Target& target, seconds duration) {
                                                           }));
   };
   listen(topics::time_tick);
-  listen(topics::task_flags);
-  listen(topics::bus_status);
-  listen(topics::reset_peripheral);
+  for (const suite::Bus& bus : target.deployment.buses) {
+    const auto on_bus = [&]<class M>(ros::Topic<M> topic) {
+      topic.name = "/" + bus.name + topic.name.substr(topic.name.rfind('/'));
+      listen(topic);
+    };
+    on_bus(topics::task_flags);
+    on_bus(topics::bus_status);
+    on_bus(topics::reset_peripheral);
+  }
   listen(topics::telecommand);
   listen(topics::telecommand_report);
   listen(topics::event);

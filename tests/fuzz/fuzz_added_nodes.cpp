@@ -21,7 +21,7 @@ const suite::Deployment& deployment() {
     d.devices = {{"can", "sim:can"}};
     for (const char* node : {"timing", "payload_eps"})
       d.nodes.push_back({node, "program", {}, {}, 0, 0, {}, "", "", ConfigSection::parse("", node), {}});
-    d.slots = {{"payload_eps", milliseconds(60), milliseconds(20), milliseconds(40)}};
+    d.buses.front().slots = {{"payload_eps", milliseconds(60), milliseconds(20), milliseconds(40)}};
     return d;
   }();
   return made;
@@ -30,13 +30,13 @@ const suite::Deployment& deployment() {
 void check(const suite::AddedNodes& added) {
   const auto d = suite::with_added(deployment(), added).deployment;
   if (d.nodes.size() != deployment().nodes.size() + d.added.size()) std::abort();
-  if (d.slots.size() > suite::slots_at_most) std::abort();
-  for (std::size_t i = 0; i < deployment().slots.size(); ++i) {
-    if (d.slots[i].payload != deployment().slots[i].payload) std::abort();
+  if (d.buses.front().slots.size() > suite::slots_at_most) std::abort();
+  for (std::size_t i = 0; i < deployment().buses.front().slots.size(); ++i) {
+    if (d.buses.front().slots[i].payload != deployment().buses.front().slots[i].payload) std::abort();
   }
   std::size_t payloads = 0;
-  for (const suite::Slot& slot : d.slots) payloads += slot.payload.empty() ? 0 : 1;
-  if (suite::turns_of(d.slots).size() != payloads) std::abort();
+  for (const suite::Slot& slot : d.buses.front().slots) payloads += slot.payload.empty() ? 0 : 1;
+  if (suite::turns_of(d.buses.front().slots).size() != payloads) std::abort();
 }
 
 }  // namespace

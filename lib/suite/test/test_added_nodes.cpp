@@ -109,10 +109,10 @@ TEST_F(AddedNodesTest, StandInTheDeploymentWithEntrySlotAndDevices) {
   EXPECT_EQ(entry->worker_deadline, d.ring.worker_deadline);
   EXPECT_FALSE(d.find("a")->added);
   EXPECT_EQ(d.devices.at("plate"), "sim:x");
-  ASSERT_THAT(d.slots, SizeIs(4));
-  EXPECT_EQ(d.slots[2].payload, "") << "a position that nobody has";
-  EXPECT_EQ(d.slots[3].payload, "extra");
-  EXPECT_THAT(turns_of(d.slots), ElementsAre("b", "extra", "c"));
+  ASSERT_THAT(d.buses.front().slots, SizeIs(4));
+  EXPECT_EQ(d.buses.front().slots[2].payload, "") << "a position that nobody has";
+  EXPECT_EQ(d.buses.front().slots[3].payload, "extra");
+  EXPECT_THAT(turns_of(d.buses.front().slots), ElementsAre("b", "extra", "c"));
 }
 
 TEST_F(AddedNodesTest, BringThePlaceOfTheirPeripheralThatMayBeOnTheBusBefore) {
@@ -140,10 +140,10 @@ TEST_F(AddedNodesTest, MayHaveTheirSlotApartFromTheirEntry) {
   AddedNode node{"extra", "", "name: extra\nexecutable: any\n", "", std::size_t{2}};
   node.slot = slot_text({"extra", milliseconds(30), milliseconds(10), milliseconds(20), "b"});
   const Deployment d = with({node});
-  ASSERT_THAT(d.slots, SizeIs(3));
-  EXPECT_EQ(d.slots[2].allotted, milliseconds(30));
-  EXPECT_EQ(d.slots[2].reset, milliseconds(20));
-  EXPECT_THAT(turns_of(d.slots), ElementsAre("b", "extra", "c"));
+  ASSERT_THAT(d.buses.front().slots, SizeIs(3));
+  EXPECT_EQ(d.buses.front().slots[2].allotted, milliseconds(30));
+  EXPECT_EQ(d.buses.front().slots[2].reset, milliseconds(20));
+  EXPECT_THAT(turns_of(d.buses.front().slots), ElementsAre("b", "extra", "c"));
   EXPECT_EQ(d.find("extra")->executable, "");
   node.slot = "{payload: c, allotted_ms: 1, overrun_ms: 1, reset_ms: 1}";
   EXPECT_THAT(with_added(deployment(), {1, {node}}).problems, ElementsAre(HasSubstr("payload")));
@@ -160,7 +160,7 @@ TEST_F(AddedNodesTest, AreWhatTheirPackageSays) {
   node.flag = 2;
   const Deployment d = with({node});
   EXPECT_EQ(d.find("extra")->memory_limit_mib, 64);
-  EXPECT_THAT(turns_of(d.slots), ElementsAre("b", "c", "extra"));
+  EXPECT_THAT(turns_of(d.buses.front().slots), ElementsAre("b", "c", "extra"));
   EXPECT_EQ(node.ring_after, "a");
   EXPECT_EQ(node.dictionary, fragment_text);
 }
@@ -178,7 +178,7 @@ TEST_F(AddedNodesTest, ThatDoNotFitAreLeftOutAndTheOthersStay) {
                           HasSubstr("colour"), HasSubstr("device 'can'")));
   EXPECT_THAT(reading.deployment.nodes, SizeIs(4));
   EXPECT_NE(reading.deployment.find("fifth"), nullptr);
-  EXPECT_THAT(reading.deployment.slots, SizeIs(2));
+  EXPECT_THAT(reading.deployment.buses.front().slots, SizeIs(2));
 }
 
 TEST_F(AddedNodesTest, AreMembersOfTheRingBehindWhoChecksThem) {

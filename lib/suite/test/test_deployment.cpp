@@ -250,7 +250,7 @@ TEST_F(DeploymentTest, OnTheBoardEveryDeviceIsNamedTheTimeCriticalHaveRealTimeAn
     EXPECT_EQ(entry.oom_score_adj > 0, images) << entry.name;
     EXPECT_EQ(entry.control_group.find("srfs-image") != std::string::npos, images) << entry.name;
   }
-  for (const Slot& slot : board.slots) {
+  for (const Slot& slot : board.buses.front().slots) {
     EXPECT_LT(slot.allotted + slot.overrun + slot.reset, seconds(1)) << "a slot ends before the next tick";
   }
 }
@@ -306,6 +306,50 @@ TEST_F(DeploymentTest, PlacesThePeripheralsOfItsNodesAndThoseWhoseNodeIsNotThere
               HasSubstr("of a node, its entry says it"));
   EXPECT_THAT(error_beside_one("peripherals: [{payload: later, can_address: 0x21, power_line: 5}]\n"),
               HasSubstr("CAN address 0x21"));
+}
+
+/// Two payloads with the same CAN address; "two" is on the bus can_b.
+std::string two_buses(const std::string& buses, const std::string& bus_of_two = "bus: can_b, ") {
+  return "deployment: d\ndevices: {can: x, can_b: y}\n"
+         "slots: [{payload: one, allotted_ms: 60, overrun_ms: 20, reset_ms: 40}]\n"
+         "buses:\n" +
+         buses +
+         "nodes:\n  - {name: can_switcher, executable: x}\n  - {name: second, executable: x}\n"
+         "  - {name: one, executable: x, peripheral: {can_address: 0x21, power_line: 1}}\n"
+         "  - {name: two, executable: x, peripheral: {" +
+         bus_of_two + "can_address: 0x21, power_line: 2}}\n";
+}
+const std::string bus_b =
+    "  - {name: can_b, switcher: second, slots: [{payload: two, allotted_ms: 30, overrun_ms: 20, reset_ms: "
+    "40}]}\n";
+
+TEST_F(DeploymentTest, EachBusHasItsSwitcherItsSlotsAndItsTopics) {
+  EXPECT_TRUE(write_file_atomically(folder_ / "d.yaml", two_buses(bus_b)));
+  const Deployment d = Deployment::load(folder_ / "d.yaml");
+  EXPECT_EQ(d.bus_of("one").name, "can");
+  EXPECT_EQ(d.bus_of("can_switcher").name, "can");
+  EXPECT_EQ(d.bus_of("no_node").name, "can");
+  for (const char* own : {"two", "second"}) {
+    EXPECT_EQ(d.bus_of(own).name, "can_b");
+    EXPECT_EQ(d.bus_of(own).switcher, "second");
+    ASSERT_EQ(d.find(own)->remap.size(), 3U);
+    EXPECT_EQ(d.find(own)->remap.front(), (ros::RemapRule{"/can/task_flags", "/can_b/task_flags"}));
+  }
+  EXPECT_THAT(turns_of(d.bus_of("two").slots), ::testing::ElementsAre("two"));
+  EXPECT_TRUE(d.find("one")->remap.empty());
+}
+
+TEST_F(DeploymentTest, RefusesABusThatIsNotWhole) {
+  EXPECT_THAT(error_of(two_buses("  - {name: can_c, switcher: second}\n")), HasSubstr("its URI in devices"));
+  EXPECT_THAT(error_of(two_buses("  - {name: can, switcher: second}\n")), HasSubstr("another name"));
+  EXPECT_THAT(error_of(two_buses("  - {name: can_b, switcher: can_switcher}\n")), HasSubstr("another name"));
+  EXPECT_THAT(error_of(two_buses("  - {name: can_b, switcher: third}\n")), HasSubstr("'third' is not one"));
+  EXPECT_THAT(error_of(two_buses("  - {name: can_b, switcher: second, color: 1}\n")), HasSubstr("color"));
+  EXPECT_THAT(error_of(two_buses(bus_b, "")), HasSubstr("CAN address 0x21")) << "both on the first bus";
+  EXPECT_THAT(error_of(two_buses(bus_b, "bus: can_d, ")),
+              HasSubstr("two: a slot on the bus of its peripheral"));
+  EXPECT_THAT(error_of(two_buses("  - {name: can_b, switcher: second}\n", "bus: can_d, ")),
+              HasSubstr("the bus 'can_d' of two"));
 }
 
 TEST_F(DeploymentTest, AMissionHasItsDictionaryAndItsProgramsBesideTheFile) {

@@ -72,7 +72,7 @@ def built_with():
 
 def cmake_files():
     """CMake files of this project, without those of packages that are built separately."""
-    foreign = [ROOT / "msgs/srfs_msgs", ROOT / "tests/find_package", ROOT / "examples/mission_minimal", ROOT / "examples/tick_counter"]
+    foreign = [ROOT / "msgs/srfs_msgs", ROOT / "tests/find_package", ROOT / "examples/mission_minimal", ROOT / "examples/mission_two_buses", ROOT / "examples/tick_counter"]
     for folder in ("cmake", "lib", "msgs", "nodes", "mission", "hw_sim", "ground", "programs", "tools", "examples", "tests"):
         for pattern in ("CMakeLists.txt", "*.cmake"):
             yield from (f for f in (ROOT / folder).rglob(pattern) if not any(f.is_relative_to(other) for other in foreign))

@@ -1,0 +1,113 @@
+# SPDX-FileCopyrightText: 2026 SRFS contributors
+# SPDX-License-Identifier: Apache-2.0
+"""Missions of their own build, pass their tests and fly with an installed SRFS, without its sources (examples/mission_*)."""
+
+import shutil
+import subprocess
+import unittest
+from pathlib import Path
+
+from support import BIN, DEADLINE_S, ROOT, SystemTest
+
+from srfs.flight import mission
+
+BUILD_DEADLINE_S = 1800
+
+
+class MissionOutside(mission.Mission):
+    """Its simulator is its own, all other programs are the installed ones."""
+
+    def __init__(self, var, deployment, installed, own):
+        super().__init__(var, deployment, installed, print)
+        self.own = own
+
+    def program(self, name):
+        return str(self.own / name) if name == "hw_sim" else super().program(name)
+
+
+class OutsideTest(SystemTest):
+    def do(self, *command):
+        done = subprocess.run([str(c) for c in command], stdin=subprocess.DEVNULL, capture_output=True, text=True, timeout=BUILD_DEADLINE_S)
+        self.assertEqual(done.returncode, 0, f"{command}\n{done.stdout[-4000:]}\n{done.stderr[-4000:]}")
+        return done.stdout
+
+    def built(self, name):
+        """Installs SRFS, builds and tests the example in a folder of its own. Returns its flight."""
+        prefix, source, build = self.folder / "srfs", self.folder / "source", self.folder / "build"
+        self.do("cmake", "--install", Path(BIN).parent, "--prefix", prefix, "--strip")
+        shutil.copytree(ROOT / "examples" / name, source)  # what links show, too
+
+        self.do("cmake", "-S", source, "-B", build, "-G", "Ninja", f"-DCMAKE_PREFIX_PATH={prefix}", "-DCMAKE_BUILD_TYPE=Release")
+        self.do("cmake", "--build", build)
+        self.do("ctest", "--test-dir", build, "--no-tests=error", "--output-on-failure")
+        self.assertNotIn(str(ROOT), (build / "build.ninja").read_text().replace(str(source), ""))
+        return MissionOutside(self.var, build / "share" / name / "sim.yaml", prefix / "bin", build / "bin")
+
+
+class MissionMinimalTest(OutsideTest):
+    def test_it_builds_passes_its_tests_and_flies_with_an_installed_srfs(self):
+        with self.built("mission_minimal") as flight:
+            ground = flight.ground()
+            field = ground.housekeeping("payload_magnetometer", DEADLINE_S, matches=lambda f: f["range"] == "coarse")
+            self.assertGreater(field["fields"]["magnitude_t"], 1e-5)
+            self.assertTrue(ground.command("tc magnetometer.set_range range=fine")["success"])
+            self.assertIsNotNone(ground.housekeeping("payload_magnetometer", DEADLINE_S, matches=lambda f: f["range"] == "fine"))
+
+            self.assertIsNotNone(ground.housekeeping("can_switcher", DEADLINE_S, matches=lambda f: f["grants.payload_dosimeter"] > 0))
+            beacon = ground.wait_for(lambda m: m.get("type") == "beacon", DEADLINE_S)
+            self.assertIn("node_state.payload_magnetometer", beacon["fields"])
+            self.assertIsNone(beacon["fields"]["battery_voltage_v"], "no source")
+
+            flight.control({"peripheral": "dosimeter", "fault": "storm"})
+            self.assertIsNotNone(ground.wait_for(lambda m: m.get("event") == "dosimeter.storm", DEADLINE_S))
+            self.assertEqual(flight.control({"query": "executed"})["executed"]["magnetometer"]["count"], 1)
+
+            refused = ground.command("tc image.capture task=1")
+            self.assertEqual(refused.get("name"), "unknown_node", refused)
+
+        out = self.folder / "minimal.xml"
+        self.do("/usr/bin/python3", "-B", prefix / "share/srfs/generator/mission_xtce.py", "--dictionary", deployment.parent, "--out", out)
+        self.assertIn("payload_dosimeter", out.read_text())
+
+
+class MissionTwoBusesTest(OutsideTest):
+    def test_two_buses_are_shared_by_their_payloads_and_do_not_disturb_each_other(self):
+        with self.built("mission_two_buses") as flight:
+            ground = flight.ground()
+            for structure in ("payload_eps", "payload_thermal", "payload_adcs", "payload_magnetometer", "payload_dosimeter"):
+                self.assertIsNotNone(ground.housekeeping(structure, DEADLINE_S), structure)
+            self.assertTrue(ground.command("tc magnetometer.set_range range=fine")["success"])
+            self.assertTrue(ground.command("tc eps.switch_load load=2 state=on")["success"])
+
+            platform = ground.housekeeping("can_switcher", DEADLINE_S, matches=lambda f: f["grants.payload_adcs"] > 0)["fields"]
+            self.assertEqual(platform["grants.payload_dosimeter"], 0, "it has no slot there")
+            science = ground.housekeeping("science_switcher", DEADLINE_S, matches=lambda f: f["grants.payload_dosimeter"] > 0)["fields"]
+            self.assertEqual(science["grants.payload_eps"], 0)
+            self.assertIsNotNone(ground.housekeeping("science_bus", DEADLINE_S, matches=lambda f: f["frames"] > 0))
+
+            self.assert_only(flight.var / "log/can.log", {0x11, 0x12, 0x13})
+            self.assert_only(flight.var / "log/can_science.log", {0x11, 0x42})
+
+            # A jammed bus stops its own payloads and no others.
+            flight.control({"can_science": {"babble": {"id": 0}}})
+            failures = ground.housekeeping("science_switcher", DEADLINE_S, matches=lambda f: f["failures.payload_magnetometer"] > 2)
+            self.assertIsNotNone(failures)
+            before = ground.housekeeping("can_switcher", DEADLINE_S)["fields"]
+            after = ground.housekeeping("can_switcher", DEADLINE_S, matches=lambda f: f["grants.payload_eps"] > before["grants.payload_eps"] + 10)
+            self.assertEqual(after["fields"]["failures.payload_eps"], before["failures.payload_eps"])
+            flight.control({"can_science": {}})
+            cycle = after["fields"]["cycle"]
+            self.assertIsNotNone(ground.housekeeping("payload_magnetometer", DEADLINE_S, matches=lambda f: f["cycle"] > cycle + 50))
+
+    def assert_only(self, log, addresses):
+        """The log of a bus has frames to these peripherals, and to no others."""
+        seen = set()
+        for line in log.read_text().splitlines():
+            frame = line.split()[-1].split("#")[0]
+            if len(frame) == 8 and frame.startswith("18DA") and frame.endswith("01"):
+                seen.add(int(frame[4:6], 16))
+        self.assertEqual(seen, addresses, log)
+
+
+if __name__ == "__main__":
+    unittest.main()
