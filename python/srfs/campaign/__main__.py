@@ -159,9 +159,9 @@ def run_overload(options, out, seed, signals, say):
             if campaign.back_s is not None:
                 say(f"overload of {options.flood:.0f} s: as before {campaign.back_s:.1f} s after its end")
         faults.write(out, campaign)
-    sim = overload.fly_sim(options, out, options.sim, say) if options.sim else None
+    sim = overload.fly_sim(options, out, options.sim, signals, say) if options.sim else None
     demos = [run for load, count in ((overload.LOAD, options.demos), (overload.HEAVY_LOAD, options.heavy_demos))
-             for run in overload.fly_demos(options, out, load, count, say)]  # fmt: skip
+             for run in overload.fly_demos(options, out, load, count, signals, say)]  # fmt: skip
     summary = {"misses": options.misses, "realtime": False, **overload.summarize(campaign, demos, sim)}
     (out / "report.md").write_text(faults.report(summary))
     return summary, lambda: faults.draw(out, campaign)

@@ -7,6 +7,7 @@ import json
 import shutil
 import subprocess
 import sys
+import tempfile
 import time
 
 from srfs.campaign import faults
@@ -87,38 +88,60 @@ class Overload(faults.FaultCampaign):
         return trial
 
 
-def fly_sim(options, out, seconds, say):
+def run_for(command, seconds, signals):
+    """Runs a command for so long at most, less when the end of the campaign is asked for; then it is ended in order.
+
+    Returns its exit code, what it said, and whether it was ended.
+    """
+    with tempfile.TemporaryFile("w+") as said:
+        process = subprocess.Popen(command, stdin=subprocess.DEVNULL, stdout=said, stderr=subprocess.STDOUT)
+        end = time.monotonic() + seconds
+        while process.poll() is None and time.monotonic() < end and not signals.wait(0.2):
+            pass
+        ended = process.poll() is None
+        if ended:
+            process.terminate()
+        code = process.wait()
+        said.seek(0)
+        return code, said.read(), ended
+
+
+def fly_sim(options, out, seconds, signals, say):
     """Runs ./run sim for so many seconds beside LOAD. Returns its messages about nodes that ended or were restarted, and how it ended."""
     with busy(LOAD):
-        time.sleep(2)  # the load starts before the suite
+        signals.wait(2)  # the load starts before the suite
         command = [sys.executable, "-B", "-m", "srfs.sim", "--bin", str(options.bin), "--var", str(out / "sim")]
-        with subprocess.Popen(command, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True) as process:
-            try:
-                said, _ = process.communicate(timeout=seconds)
-            except subprocess.TimeoutExpired:
-                process.terminate()
-                said, _ = process.communicate()
-    lines, code = said.splitlines(), process.returncode
+        code, said, _ = run_for(command, seconds, signals)
+    lines = said.splitlines()
     restarts = [line for line in lines if line.startswith("! ")]
     say(f"./run sim for {seconds:.0f} s beside {LOAD}: exit code {code}, {len(restarts)} nodes restarted")
     return {"seconds": seconds, "code": code, "restarts": restarts, "end": lines[-3:]}
 
 
-def fly_demos(options, out, load, count, say):
+def failures_of(said):
+    """What the demo's last line, a JSON object, has; what it said instead, when it has none."""
+    lines = said.splitlines() or [""]
+    try:
+        return json.loads(lines[-1])["failures"]
+    except (ValueError, KeyError, TypeError):
+        return [said.strip()[-500:]]
+
+
+def fly_demos(options, out, load, count, signals, say):
     """Runs the demo `count` times beside a load. Returns ok, seconds, failures and load of each run. The record of one that fails stays."""
     runs = []
     for number in range(1, count + 1):
         begin = time.monotonic()
         var = out / f"demo{number}"
         with busy(load):
-            time.sleep(2)  # the load starts before the suite
+            signals.wait(2)  # the load starts before the suite
             command = [sys.executable, "-B", "-m", "srfs.demo", "--bin", str(options.bin), "--var", str(var), "--json"]
-            try:
-                done = subprocess.run(command, stdin=subprocess.DEVNULL, capture_output=True, text=True, timeout=DEMO_DEADLINE_S)
-                failures = json.loads(done.stdout.splitlines()[-1])["failures"] if done.stdout else [done.stderr.strip()[-500:]]
-                ok = done.returncode == 0
-            except subprocess.TimeoutExpired:
-                ok, failures = False, [f"not done within {DEMO_DEADLINE_S} s"]
+            code, said, ended = run_for(command, DEMO_DEADLINE_S, signals)
+        if signals.asked:
+            say(f"ended by request in demo {number} of {count}")
+            return runs
+        ok = code == 0 and not ended
+        failures = [f"not done within {DEMO_DEADLINE_S} s"] if ended else failures_of(said)
         runs.append({"ok": ok, "seconds": round(time.monotonic() - begin, 1), "failures": failures, "load": load})
         if ok:
             shutil.rmtree(var, ignore_errors=True)
