@@ -4,6 +4,7 @@
 
 #include <memory>
 
+#include "base/fd.hpp"
 #include "ground/link.hpp"
 #include "ground/station_link.hpp"
 #include "ground/telemetry.hpp"
@@ -19,6 +20,8 @@ class DirectLink final : public StationLink {
   DirectLink(const mission::Dictionary& dictionary, const suite::LinkSettings& link, Port port, Uplink uplink,
              wire::FopSettings fop = {});
 
+  /// The lock of its folder (lock_state()), until its end.
+  void hold_state(Fd lock) { state_lock_ = std::move(lock); }
   /// From now on files are carried in both directions; they go up at the line's rate, telecommands between
   /// them. Blocks on the disk, as all that follows.
   void carry_files(std::unique_ptr<cfdp::TransferFolders> transfer_folders);
@@ -64,6 +67,7 @@ class DirectLink final : public StationLink {
   void move_files(MonotonicTime now);
   [[nodiscard]] bool send_pdu(OctetView pdu);
 
+  Fd state_lock_;  // released when all else has ended
   const mission::Dictionary& dictionary_;
   Port port_;
   Downlink downlink_;

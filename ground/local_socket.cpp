@@ -85,7 +85,7 @@ Result<std::optional<Fd>, std::string> connect_to(const std::filesystem::path& p
   if (::connect(socket.get(), reinterpret_cast<const sockaddr*>(&address->address),
                 sizeof address->address) == 0)
     return std::optional<Fd>(std::move(socket));
-  if (errno == ENOENT || errno == ECONNREFUSED || errno == EAGAIN) return std::optional<Fd>();
+  if (errno == ENOENT || errno == ECONNREFUSED) return std::optional<Fd>();
   return fail(errno);
 }
 

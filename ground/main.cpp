@@ -215,8 +215,12 @@ Result<std::unique_ptr<StationLink>, std::string> open_link(const Operation& ope
   }
   auto port = Port::open(operation.arguments.port, link.baud);
   if (!port) return Err(port.error());
+  // Counters and transfers of the folder are one process's, also while a server has not opened its port yet.
+  auto lock = lock_state(operation.state_dir);
+  if (!lock) return Err(lock.error());
   auto line = open_line(operation, link, std::move(*port), files);
   if (!line) return Err(line.error());
+  (*line)->hold_state(std::move(*lock));
   return std::move(*line);
 }
 

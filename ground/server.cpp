@@ -37,7 +37,10 @@ Result<Fd, std::string> lock_state(const std::filesystem::path& state_dir) {
   Fd lock(::open(file.c_str(), O_RDWR | O_CREAT | O_CLOEXEC, owner_alone));
   if (!lock) return Err(fmt::format("{}: cannot open: {}", file.string(), errno_text(errno)));
   if (::flock(lock.get(), LOCK_EX | LOCK_NB) != 0)
-    return Err(fmt::format("{}: another srfs-ground serve uses this folder; end it first", file.string()));
+    return Err(
+        fmt::format("{}: another srfs-ground owns this folder (a server that does not answer, or a command "
+                    "that has the line); end it first",
+                    file.string()));
   return lock;
 }
 

@@ -3,6 +3,7 @@
 """`srfs-ground serve`: many tools at once on one line, and a server that is killed while they work."""
 
 import contextlib
+import fcntl
 import json
 import os
 import random
@@ -60,6 +61,18 @@ class ServeTest(SystemTest):
 
     def counters(self):
         return json.loads((self.var / "ground/uplink.json").read_text())["next_security_counters"]
+
+    def test_a_command_does_not_take_the_line_from_a_folder_that_another_process_owns(self):
+        with self.flight():
+            state = self.var / "ground"
+            state.mkdir(exist_ok=True)
+            with open(state / "serve.lock", "w") as lock:
+                fcntl.flock(lock, fcntl.LOCK_EX)  # as a server before it has opened its port
+                pinging = self.program("ping")
+                _, said = pinging.communicate(timeout=DEADLINE_S)
+            self.assertNotEqual(pinging.returncode, 0)
+            self.assertIn("serve.lock: another srfs-ground owns this folder", said)
+            self.assertEqual(self.program("ping").wait(timeout=DEADLINE_S), 0)
 
     def test_five_tools_share_the_line_and_none_disturbs_another(self):
         with self.served_flight():
