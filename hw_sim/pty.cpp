@@ -43,6 +43,12 @@ Result<Pty, std::string> Pty::create(const std::filesystem::path& link) {
 
   std::error_code ec;
   std::filesystem::create_directories(link.parent_path(), ec);
+  // A link of ours leads to a pseudo-terminal; what else is there belongs to somebody.
+  const auto there = std::filesystem::symlink_status(link, ec);
+  const bool ours = std::filesystem::is_symlink(there) &&
+                    std::filesystem::read_symlink(link, ec).native().starts_with("/dev/pts/");
+  if (std::filesystem::exists(there) && !ours)
+    return Err(fmt::format("{}: not a link to a pseudo-terminal; it is left alone", link.string()));
   const std::filesystem::path temporary = fmt::format("{}.{}.tmp", link.string(), getpid());
   unlink(temporary.c_str());
   if (symlink(name.data(), temporary.c_str()) != 0 || rename(temporary.c_str(), link.c_str()) != 0)

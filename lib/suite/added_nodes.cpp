@@ -60,10 +60,11 @@ AddedNode read_added_node(const ConfigSection& section) {
 
 /// Its peripheral may be on the bus from the start (`peripherals` of the file), at the same place then.
 std::string refusal_of_peripheral(const Deployment& d, const NodeEntry& entry) {
-  if (!entry.peripheral) return "";
-  if (entry.peripheral->bus != d.buses.front().name)
-    return fmt::format("the peripheral of an added node is on the bus '{}'", d.buses.front().name);
   const Peripheral* const known = d.peripheral_of(entry.name);
+  const Peripheral* const place = entry.peripheral ? &*entry.peripheral : known;
+  if (place != nullptr && place->bus != d.buses.front().name)
+    return fmt::format("the peripheral of an added node is on the bus '{}'", d.buses.front().name);
+  if (!entry.peripheral) return "";
   if (known == nullptr) return refusal_of_place(*entry.peripheral, d.peripherals);
   if (*known == *entry.peripheral) return "";
   return fmt::format("the deployment has its peripheral at CAN address {:#04x}, power line {}",

@@ -72,6 +72,8 @@ Peripheral read_peripheral(const ConfigSection& section, std::string payload) {
           section.integer("can_address", Peripheral::lowest_can_address, Peripheral::highest_can_address)),
       static_cast<std::uint8_t>(section.integer("power_line", 0, Peripheral::power_lines - 1)),
       section.text("bus", "can")};
+  for (const std::int64_t id : section.integers("answers", 0, 0x1FFFFFFF))
+    peripheral.answers.push_back(static_cast<std::uint32_t>(id));
   section.finish();
   return peripheral;
 }
@@ -218,6 +220,8 @@ void check_slots(const Deployment& d, const Bus& bus, const ConfigSection& root)
   for (const Slot& slot : bus.slots) {
     if (d.find(slot.payload) == nullptr)
       throw root.bad("slots", "payloads that are nodes of this file, '" + slot.payload + "' is not one");
+    if (d.bus_of(slot.payload).name != bus.name && d.peripheral_of(slot.payload) == nullptr)
+      throw root.bad("slots", fmt::format("{}: slots on one bus", slot.payload));
     const Peripheral* const place = d.peripheral_of(slot.payload);
     if (place != nullptr && place->bus != bus.name)
       throw root.bad("slots",
@@ -464,13 +468,28 @@ const Peripheral* Deployment::peripheral_of(const std::string& payload) const {
   return found == peripherals.end() ? nullptr : &*found;
 }
 
+namespace {
+
+/// Where a path leads, also when nothing is there now.
+std::filesystem::path end_of_links(std::filesystem::path path) {
+  std::error_code ec;
+  if (auto real = std::filesystem::canonical(path, ec); !ec) return real;
+  constexpr int most_links = 40;  // as the kernel's
+  for (int i = 0; i < most_links; ++i) {
+    const auto target = std::filesystem::read_symlink(path, ec);
+    if (ec) break;
+    path = path.parent_path() / target;
+  }
+  return path.lexically_normal();
+}
+
+}  // namespace
+
 bool is_hardware_line(const std::string& uri, const std::filesystem::path& var) {
   constexpr std::string_view scheme = "serial:";
   if (!uri.starts_with(scheme)) return false;
   const auto path = var / uri.substr(scheme.size(), uri.find('?') - scheme.size());
-  std::error_code ec;
-  auto real = std::filesystem::canonical(path, ec);
-  if (ec) real = path.lexically_normal();
+  const auto real = end_of_links(path);
   return real.native().starts_with("/dev/") && !real.native().starts_with("/dev/pts/");
 }
 

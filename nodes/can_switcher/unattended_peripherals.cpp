@@ -18,10 +18,8 @@ void UnattendedPeripherals::place(const std::vector<suite::Peripheral>& peripher
 }
 
 void UnattendedPeripherals::on_frame(std::uint32_t id, bool extended, MonotonicTime now) {
-  constexpr std::uint32_t to_computer = 0x18DA01;  // docs/reference/icd_can.md, section 1
-  if (!extended || id >> 8U != to_computer) return;
   for (Bucket& bucket : buckets_) {
-    if (bucket.peripheral.can_address == (id & 0xFFU)) bucket.frames.add(now, forgiven_every);
+    if (bucket.peripheral.sends(id, extended)) bucket.frames.add(now, forgiven_every);
   }
 }
 

@@ -155,6 +155,13 @@ bool PayloadNode::open_devices() {
           pair.request, wire::transmit_marker_id));
       return false;
     }
+    if (!peripheral_.sends(pair.answer, pair.extended)) {
+      set_failure_reason(
+          fmt::format("the peripheral answers on {:#x}: its place in {} has no 'answers: [{:#x}]' "
+                      "(can_switcher cuts its power by it)",
+                      pair.answer, deployment().file.string(), pair.answer));
+      return false;
+    }
     filters.push_back(hw::exactly(pair.answer, pair.request, pair.extended));
   }
   auto can = hw::open_can(device(peripheral_.bus), var().root, std::move(filters));

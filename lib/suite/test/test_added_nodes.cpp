@@ -134,6 +134,14 @@ TEST_F(AddedNodesTest, BringThePlaceOfTheirPeripheralThatMayBeOnTheBusBefore) {
               HasSubstr("at CAN address 0x15, power line 3"));
   EXPECT_THAT(problem(file_with("peripherals: [{payload: other, can_address: 0x14, power_line: 2}]\n")),
               HasSubstr("CAN address 0x14 is that of other and of extra"));
+  // On a further bus it would have its turns on the first one.
+  const std::string two_buses =
+      "deployment: t\ndevices: {can: x, can_b: y}\nbuses: [{name: can_b, switcher: b}]\n"
+      "nodes: [{name: a, executable: x}, {name: b, executable: x}]\n"
+      "peripherals: [{payload: extra, bus: can_b, can_address: 0x14, power_line: 3}]\n";
+  EXPECT_TRUE(write_file_atomically(file_, two_buses));
+  EXPECT_THAT(problem(with_added(deployment(), {1, {AddedNode{"extra", "", "", ""}}})),
+              HasSubstr("is on the bus 'can'"));
 }
 
 TEST_F(AddedNodesTest, MayHaveTheirSlotApartFromTheirEntry) {

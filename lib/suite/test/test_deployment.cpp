@@ -40,6 +40,9 @@ TEST_F(DeploymentTest, ALineOfHardwareIsATtyThatIsNoPseudoTerminal) {
   EXPECT_FALSE(is_hardware_line("sim:run/can_hub.sock", folder_));
   std::filesystem::create_symlink("/dev/null", folder_ / "line");
   EXPECT_TRUE(is_hardware_line("serial:line", folder_)) << "a link into /dev";
+  std::filesystem::create_symlink("/dev/ttyUSB_unplugged", folder_ / "radio");
+  std::filesystem::create_symlink("radio", folder_ / "uplink");
+  EXPECT_TRUE(is_hardware_line("serial:uplink", folder_)) << "also while nothing is plugged in";
 }
 
 TEST_F(DeploymentTest, ChannelsWithoutSecurityAreUnsafeOnALineOfHardware) {
@@ -339,7 +342,27 @@ TEST_F(DeploymentTest, EachBusHasItsSwitcherItsSlotsAndItsTopics) {
   EXPECT_TRUE(d.find("one")->remap.empty());
 }
 
+TEST_F(DeploymentTest, APeripheralWithItsOwnProtocolIsKnownByItsAnswers) {
+  const std::string answers = "bus: can_b, answers: [0x3A1, 0x18DA0155], ";
+  EXPECT_TRUE(write_file_atomically(folder_ / "d.yaml", two_buses(bus_b, answers)));
+  const Deployment d = Deployment::load(folder_ / "d.yaml");
+  const Peripheral& own = *d.peripheral_of("two");
+  EXPECT_TRUE(own.sends(0x3A1, false));
+  EXPECT_FALSE(own.sends(0x3A1, true));
+  EXPECT_TRUE(own.sends(0x18DA0155, true));
+  EXPECT_FALSE(own.sends(0x18DA0121, true)) << "it does not speak the ICD";
+  EXPECT_TRUE(d.peripheral_of("one")->sends(0x18DA0121, true));
+  EXPECT_THAT(error_of(two_buses(bus_b, "bus: can_b, answers: [0x20000000], ")), HasSubstr("answers"));
+}
+
 TEST_F(DeploymentTest, RefusesABusThatIsNotWhole) {
+  const std::string idle_twice =
+      "deployment: d\ndevices: {can: x, can_b: y}\n"
+      "slots: [{payload: idle, allotted_ms: 60, overrun_ms: 20, reset_ms: 40}]\n"
+      "buses: [{name: can_b, switcher: second, slots: [{payload: idle, allotted_ms: 60, overrun_ms: 20, "
+      "reset_ms: 40}]}]\n"
+      "nodes: [{name: idle, executable: x}, {name: second, executable: x}]\n";
+  EXPECT_THAT(error_of(idle_twice), HasSubstr("idle: slots on one bus"));
   EXPECT_THAT(error_of(two_buses("  - {name: can_c, switcher: second}\n")), HasSubstr("its URI in devices"));
   EXPECT_THAT(error_of(two_buses("  - {name: can, switcher: second}\n")), HasSubstr("another name"));
   EXPECT_THAT(error_of(two_buses("  - {name: can_b, switcher: can_switcher}\n")), HasSubstr("another name"));

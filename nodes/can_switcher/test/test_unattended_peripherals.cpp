@@ -42,6 +42,15 @@ TEST_F(UnattendedPeripheralsTest, NamesThePayloadThatHasNoProcessAndWhosePeriphe
   EXPECT_TRUE(babbling().empty()) << "once";
 }
 
+TEST_F(UnattendedPeripheralsTest, KnowsAPeripheralWithItsOwnProtocolByItsAnswers) {
+  peripherals.place({{"payload_radiation", 0x21, 3, "can", {0x3A1}}});
+  for (int turn = 0; turn < 2; ++turn) {
+    for (int i = 0; i < 65; ++i) peripherals.on_frame(0x3A1, false, now += microseconds(300));
+    const auto found = babbling();
+    EXPECT_EQ(found.size(), turn == 0 ? 0U : 1U);
+  }
+}
+
 TEST_F(UnattendedPeripheralsTest, NamesItAgainWhenItWasNotSwitchedOff) {
   for (int i = 0; i < 2; ++i, hear(65)) (void)babbling();
   EXPECT_EQ(babbling().size(), 1U);
