@@ -36,6 +36,7 @@ MonitorTable full_table(const mission::Dictionary& dictionary) {
           mission::MonitorAdd what;
           what.id = ++id;
           what.parameter = parameter;
+          what.condition_mask = what.mask = UINT32_MAX;
           what.repetition = 3;
           what.check = MonitorCheck::limits;
           what.low = 0;

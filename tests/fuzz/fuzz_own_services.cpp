@@ -23,10 +23,11 @@ void require(bool condition) {
 void serve(const mission::Dictionary& dictionary, OctetView input) {
   static const std::vector<const mission::Command*> commands = [&] {
     std::vector<const mission::Command*> found;
-    for (const auto& command : dictionary.commands()) {
-      const bool own =
-          command.service == 12 || command.service == 19 || command.service == 20 || command.service == 23;
-      if (own) found.push_back(&command);
+    for (const auto& services : {std::pair(20, 23), std::pair(12, 19)}) {  // in the order of the seeds
+      for (const auto& command : dictionary.commands()) {
+        if (command.service == services.first || command.service == services.second)
+          found.push_back(&command);
+      }
     }
     return found;
   }();

@@ -38,7 +38,22 @@ bool is_monitor_event(const mission::Event& event) {
                     });
 }
 
+constexpr std::uint32_t all_bits = UINT32_MAX;
+
+bool has_bits(const mission::Field& field) {
+  return is_number(field) && field.type != mission::FieldType::f32 && field.type != mission::FieldType::f64 &&
+         field.calibration.empty();
+}
+
+/// A mask selects bits of an integer. Without one a float may be the nearest to @p wanted.
+bool is_value(double value, std::uint32_t mask, double wanted) {
+  if (mask == all_bits) return value == wanted || value == static_cast<double>(static_cast<float>(wanted));
+  const bool has_all_bits = value >= 0 && value < 9e15;  // exact as a double
+  return has_all_bits && static_cast<double>(static_cast<std::uint64_t>(value) & mask) == wanted;
+}
+
 bool contradicts_itself(const mission::MonitorAdd& d) {
+  if (d.mask != all_bits && d.check != MonitorCheck::expected) return true;
   const bool two_sided = has_low(d.check) && has_high(d.check);
   if (!has_low(d.check) && !has_high(d.check)) return d.hysteresis != 0;
   return two_sided && d.low + d.hysteresis > d.high - d.hysteresis;
@@ -72,6 +87,7 @@ mission::MonitorAdd definition_of(const mission::Bounds& bounds, std::uint32_t p
                                   std::uint16_t event) {
   mission::MonitorAdd what;
   what.parameter = parameter;
+  what.condition_mask = what.mask = all_bits;
   what.repetition = limit_repetition;
   what.check = !bounds.high  ? MonitorCheck::at_least
                : !bounds.low ? MonitorCheck::at_most
@@ -139,6 +155,7 @@ MonitorTable factory_monitors(const mission::Dictionary& dictionary) {
     mission::MonitorAdd stale;
     stale.id = static_cast<std::uint16_t>(first_stale_id + structure->id);
     stale.parameter = number_of(*structure, 0);
+    stale.condition_mask = stale.mask = all_bits;
     stale.repetition = stale_repetition;
     stale.check = MonitorCheck::stale;
     stale.low_event = mission::event::monitor_stale;
@@ -152,8 +169,12 @@ std::optional<MonitorRefusal> why_not_taken(const mission::MonitorAdd& d,
   const auto parameter = dictionary.telemetry(d.parameter);
   const auto condition = dictionary.telemetry(d.condition);
   const bool stale = d.check == MonitorCheck::stale;
-  const bool parameter_fits = parameter && (stale || is_number(*parameter->field));
-  const bool condition_fits = d.condition == 0 || (!stale && condition && is_number(*condition->field));
+  const auto fits = [](const mission::Field& field, std::uint32_t mask) {
+    return mask == all_bits ? is_number(field) : has_bits(field);
+  };
+  const bool parameter_fits = parameter && (stale || fits(*parameter->field, d.mask));
+  const bool condition_fits =
+      d.condition == 0 || (!stale && condition && fits(*condition->field, d.condition_mask));
   if (!parameter_fits || !condition_fits) return MonitorRefusal{mission::failure::not_monitorable, d.id};
   if (contradicts_itself(d)) return MonitorRefusal{mission::failure::contradictory_limits, d.id};
   for (const std::uint16_t id : {d.low_event, d.high_event}) {
@@ -292,8 +313,7 @@ struct Finding {
 /// @param current  being out of limits, hysteresis holds it there
 Finding judge(const mission::MonitorAdd& d, MonitorState current, double value) {
   if (d.check == MonitorCheck::expected) {
-    const bool as_expected = value == d.low || value == static_cast<double>(static_cast<float>(d.low));
-    return {as_expected ? MonitorState::within : MonitorState::unexpected, d.low};
+    return {is_value(value, d.mask, d.low) ? MonitorState::within : MonitorState::unexpected, d.low};
   }
   const double low = d.low + (current == MonitorState::below ? d.hysteresis : 0);
   const double high = d.high - (current == MonitorState::above ? d.hysteresis : 0);
@@ -308,7 +328,11 @@ void Monitoring::check(Check& check, TaiTime tai, MonotonicTime now) {
   check.next = now + milliseconds(check.what.interval_ms);
   ++counters_.checks;
   const std::optional<double>& value = values_[check.slot];
-  const bool holds = check.condition == no_slot || values_[check.condition] == check.what.condition_value;
+  const std::optional<double> condition =
+      check.condition == no_slot ? std::nullopt : values_[check.condition];
+  const bool holds =
+      check.condition == no_slot ||
+      (condition && is_value(*condition, check.what.condition_mask, check.what.condition_value));
   if (!value || !holds) {
     check.before.reset();
     check.in_row = 0;

@@ -136,6 +136,20 @@ TEST_F(Checks, AConditionOnAnotherParameterMakesItCountOrNot) {
   EXPECT_EQ(states(), States{MonitorState::invalid}) << "that it is out of limits has ended";
 }
 
+TEST_F(Checks, AMaskSelectsBitsOfTheConditionAndOfTheExpectedValue) {
+  define({"id=1", "parameter=payload_eps.load_current_a[2]", "condition=payload_eps.load_switches",
+          "condition_mask=4", "condition_value=4", "check=at_least", "low=0.1"});
+  define({"id=2", "parameter=payload_eps.load_switches", "mask=3", "check=expected", "low=1"});
+  sample_.measurement.load_switches = 0b1001;
+  sample();
+  EXPECT_EQ(monitoring_.state(1), MonitorState::invalid);
+  EXPECT_EQ(monitoring_.state(2), MonitorState::within);
+  sample_.measurement.load_switches = 0b0111;
+  sample();
+  EXPECT_EQ(monitoring_.state(1), MonitorState::below);
+  EXPECT_EQ(monitoring_.state(2), MonitorState::unexpected);
+}
+
 TEST_F(Checks, AnUnknownValueIsNeverJudged) {
   define({"id=1", "parameter=payload_eps.state_of_charge", "check=at_least", "low=0.3"});
   charge(std::nanf(""));
@@ -392,6 +406,10 @@ TEST_F(MonitoringRequests, BadDefinitionsAreRefusedWithTheReasonAndChangeNothing
   EXPECT_EQ(send("monitor.add", definition(7, {"check=limits", "low=1", "high=2", "hysteresis=0.6"})),
             "contradictory_limits");
   EXPECT_EQ(send("monitor.add", definition(7, {"check=expected", "hysteresis=1"})), "contradictory_limits");
+  EXPECT_EQ(send("monitor.add", definition(7, {"mask=1"})), "not_monitorable") << "a float has no bits";
+  EXPECT_EQ(send("monitor.add", definition(7, {"parameter=payload_eps.load_switches", "mask=1"})),
+            "contradictory_limits")
+      << "only an expected value has a mask";
   EXPECT_EQ(send("monitor.add", definition(7, {"low_event=eps.battery_low"})), "no_monitor_event");
   EXPECT_EQ(send("monitor.delete_all"), "still_enabled");
   EXPECT_EQ(service_->monitoring().table(), before);
