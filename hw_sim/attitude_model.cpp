@@ -115,7 +115,8 @@ void AttitudeModel::command_actuators(double dt_s, const Eigen::Vector3d& field_
 AttitudeState AttitudeModel::derivative(const AttitudeState& s,
                                         const AttitudeEnvironment& environment) const {
   const Eigen::Quaterniond to_body = s.attitude.normalized().conjugate();
-  Eigen::Vector3d torque = dipole_a_m2_.cross(to_body * environment.magnetic_field_t) - wheel_torque_n_m_;
+  Eigen::Vector3d torque = dipole_a_m2_.cross(to_body * environment.magnetic_field_t) - wheel_torque_n_m_ +
+                           settings_.disturbance_n_m;
   if (const double radius_m = environment.position_m.norm(); radius_m > 0) {
     const Eigen::Vector3d up = to_body * (environment.position_m / radius_m);
     torque +=

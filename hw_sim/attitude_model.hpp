@@ -17,6 +17,9 @@ enum class AttitudeMode : std::uint8_t { idle = 0, detumble = 1, point = 2 };
 struct AttitudeSettings {
   Eigen::Vector3d inertia_kg_m2{0.0400, 0.0385, 0.0080};
   Eigen::Vector3d initial_rate_rad_s{0.020, -0.030, 0.040};
+  Eigen::Vector3d initial_wheel_speed_rad_s = Eigen::Vector3d::Zero();
+  /// Of drag, sunlight and residual dipole; body frame. What wheels take of it saturates them in the end.
+  Eigen::Vector3d disturbance_n_m = Eigen::Vector3d::Zero();
   double wheel_inertia_kg_m2 = 1.72e-5;
   double wheel_max_speed_rad_s = 628;  ///< 6000 rpm: 10.8 mN m s
   double wheel_max_torque_n_m = 1.0e-3;

@@ -22,7 +22,7 @@ double open_circuit_voltage_v(double charge) {
 
 PowerModel::PowerModel(const PowerSettings& settings)
     : settings_(settings), charge_limit_(settings.charge_limit) {
-  state_.charge = settings.initial_charge;
+  state_.charge = state_.lowest_charge = settings.initial_charge;
   state_.switches = settings.initial_switches;
   solve(last_input_);
 }
@@ -57,7 +57,7 @@ double PowerModel::load_w(Load load) const {
 
 void PowerModel::solve(const PowerInput& input) {
   last_input_ = input;
-  double bus_w = settings_.base_load_w;
+  double bus_w = base_load_w();
   std::array<double, load_count> watts{};
   for (std::size_t i = 0; i < load_count; ++i) {
     watts[i] = load_w(static_cast<Load>(i));
@@ -96,11 +96,26 @@ void PowerModel::step(double dt_s, const PowerInput& input) {
   solve(input);
   state_.charge =
       std::clamp(state_.charge + state_.battery_a * dt_s / (settings_.capacity_a_h * 3600), 0.0, 1.0);
-  if (state_.charge < settings_.undervoltage_charge && state_.switches != 0 && state_.battery_a < 0) {
+  state_.lowest_charge = std::min(state_.lowest_charge, state_.charge);
+  protect();
+  solve(input);
+}
+
+/// What the power supply does by itself, with nobody's help.
+void PowerModel::protect() {
+  const bool discharging = state_.battery_a < 0;
+  if (state_.charge < settings_.undervoltage_charge && state_.switches != 0 && discharging) {
     state_.switches = 0;
     ++state_.undervoltage_trips;
   }
-  solve(input);
+  if (state_.computer_on && state_.charge < settings_.cut_out_charge && discharging) {
+    state_.computer_on = false;
+    state_.switches = 0;
+    ++state_.cut_outs;
+  } else if (!state_.computer_on && state_.charge >= settings_.restore_charge) {
+    state_.computer_on = true;
+    state_.switches = settings_.initial_switches;
+  }
 }
 
 }  // namespace srfs::sim

@@ -33,6 +33,9 @@ struct PowerSettings {
   double charge_limit = 0.98;
   double lowest_charging_k = 273.15;  ///< the charger refuses a frozen battery
   double undervoltage_charge = 0.05;  ///< all loads are shed below
+  double cut_out_charge = 0;          ///< the computer has no power below, until restore_charge; 0: never
+  double restore_charge = 0.15;       ///< then it is switched on, with the initial switches
+  double off_load_w = 0.05;           ///< of the power supply alone
 };
 
 struct PowerInput {
@@ -54,6 +57,9 @@ struct PowerState {
   std::uint8_t switches = 0;  ///< bit n: load n is on
   double battery_heat_w = 0;  ///< lost in the internal resistance
   std::uint32_t undervoltage_trips = 0;
+  double lowest_charge = 0;  ///< so far
+  bool computer_on = true;
+  std::uint32_t cut_outs = 0;  ///< times that the computer lost its power
 };
 
 /// Coulomb counting behind an open-circuit voltage curve and an internal resistance. Pure; switching a load
@@ -75,9 +81,14 @@ class PowerModel {
   [[nodiscard]] double charge_limit() const { return charge_limit_; }
   /// Power of the loads at the bus, without the heaters' if their switch is off.
   [[nodiscard]] double load_w(Load load) const;
+  /// Power of what no switch controls.
+  [[nodiscard]] double base_load_w() const {
+    return state_.computer_on ? settings_.base_load_w : settings_.off_load_w;
+  }
 
  private:
   void solve(const PowerInput& input);
+  void protect();
 
   PowerSettings settings_;
   PowerState state_;

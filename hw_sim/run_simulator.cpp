@@ -3,6 +3,7 @@
 #include "hw_sim/run_simulator.hpp"
 
 #include <array>
+#include <csignal>
 #include <cstdio>
 #include <filesystem>
 #include <iostream>
@@ -30,6 +31,7 @@
 #include "hw_sim/settings.hpp"
 #include "hw_sim/simulator.hpp"
 #include "suite/added_nodes.hpp"
+#include "suite/instance.hpp"
 #include "update/package_keys.hpp"
 
 namespace srfs::sim {
@@ -130,6 +132,13 @@ path srfs_program() {
   return beside;
 }
 
+void kill_all_nodes(const path& deployment_file, const path& var) {
+  const suite::VarPaths paths{var};
+  for (const auto& node : suite::load_deployment(deployment_file, paths).deployment.nodes) {
+    if (const auto process = suite::open_instance(paths, node.name)) process->signal(SIGKILL);
+  }
+}
+
 int simulate(const PeripheralModels& models, const path& deployment_file, const path& var) {
   SimulationSettings settings = read_settings(ConfigSection::load(deployment_file));
   settings.peripherals = suite::load_deployment(deployment_file, {var}).deployment.peripherals;
@@ -156,7 +165,8 @@ int simulate(const PeripheralModels& models, const path& deployment_file, const 
                                                  "--var",
                                                  var.string(),
                                                  "--if-up"};
-  const auto simulator = Simulator::create(loop, settings, models, var, restart_command);
+  const auto kill_computer = [&] { kill_all_nodes(deployment_file, var); };
+  const auto simulator = Simulator::create(loop, settings, models, var, restart_command, kill_computer);
   if (!simulator) throw std::runtime_error(simulator.error());
   const RunFile pid(run / "hw_sim.pid", fmt::format("{}\n", getpid()));
   const RunFile ready(run / "hw_sim.ready", fmt::format("{}\n", getpid()));

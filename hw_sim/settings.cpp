@@ -2,7 +2,10 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "hw_sim/settings.hpp"
 
+#include <array>
 #include <cmath>
+
+#include <fmt/format.h>
 
 #include "hw/open.hpp"
 
@@ -140,6 +143,58 @@ void read_camera(const ConfigSection& section, SkyCameraSettings& camera) {
   section.finish();
 }
 
+template <std::size_t size>
+std::array<double, size> numbers(const ConfigSection& section, const char* key, double lowest, double highest,
+                                 const std::array<double, size>& fallback) {
+  if (!section.has(key)) return fallback;
+  const std::string expected = fmt::format("a list of {} numbers from {} to {}", size, lowest, highest);
+  const YAML::Node list = section.raw(key);
+  if (!list.IsSequence() || list.size() != size) throw section.bad(key, expected);
+  std::array<double, size> values{};
+  for (std::size_t i = 0; i < size; ++i) {
+    if (!YAML::convert<double>::decode(list[i], values[i]) || !(values[i] >= lowest && values[i] <= highest))
+      throw section.bad(key, expected);
+  }
+  return values;
+}
+
+Eigen::Vector3d vector(const ConfigSection& section, const char* key, double most, double unit,
+                       const Eigen::Vector3d& fallback) {
+  const auto values =
+      numbers<3>(section, key, -most, most, {fallback[0] / unit, fallback[1] / unit, fallback[2] / unit});
+  return unit * Eigen::Vector3d(values[0], values[1], values[2]);
+}
+
+void read_power(const ConfigSection& section, PowerSettings& power) {
+  power.capacity_a_h = section.number("capacity_a_h", 0.1, 1000, power.capacity_a_h);
+  power.base_load_w = section.number("computer_w", 0, 100, power.base_load_w);
+  power.load_w = numbers<load_count>(section, "loads_w", 0, 100, power.load_w);
+  power.initial_switches =
+      static_cast<std::uint8_t>(section.integer("initial_switches", 0, 15, power.initial_switches));
+  power.undervoltage_charge = section.number("undervoltage_charge", 0, 1, power.undervoltage_charge);
+  power.cut_out_charge = section.number("cut_out_charge", 0, 1, power.cut_out_charge);
+  power.restore_charge = section.number("restore_charge", 0, 1, power.restore_charge);
+  if (power.restore_charge < power.cut_out_charge)
+    throw section.bad("restore_charge", "a charge not below cut_out_charge");
+  section.finish();
+}
+
+void read_thermal(const ConfigSection& section, ThermalSettings& thermal) {
+  const auto watts = numbers<heater_count>(section, "heaters_w", 0, 100,
+                                           {thermal.heaters[0].power_w, thermal.heaters[1].power_w});
+  for (std::size_t i = 0; i < heater_count; ++i) thermal.heaters[i].power_w = watts[i];
+  section.finish();
+}
+
+void read_attitude(const ConfigSection& section, AttitudeSettings& attitude) {
+  attitude.initial_rate_rad_s =
+      vector(section, "initial_rate_deg_s", 360, degree, attitude.initial_rate_rad_s);
+  attitude.initial_wheel_speed_rad_s = vector(section, "initial_wheel_speed_rad_s",
+                                              attitude.wheel_max_speed_rad_s, 1, Eigen::Vector3d::Zero());
+  attitude.disturbance_n_m = vector(section, "disturbance_n_m", 1, 1, Eigen::Vector3d::Zero());
+  section.finish();
+}
+
 void read_simulation(const ConfigSection& section, SimulationSettings& settings) {
   WorldSettings& world = settings.world;
   world.seed = static_cast<std::uint64_t>(
@@ -147,6 +202,9 @@ void read_simulation(const ConfigSection& section, SimulationSettings& settings)
   world.time_acceleration = section.number("time_acceleration", 0, 1000, world.time_acceleration);
   world.attitude_acceleration = section.number("acceleration_attitude", 0, 100, world.attitude_acceleration);
   world.power.initial_charge = section.number("initial_charge", 0, 1, world.power.initial_charge);
+  read_power(section.section("power"), world.power);
+  read_thermal(section.section("thermal"), world.thermal);
+  read_attitude(section.section("attitude"), world.attitude);
   read_orbit(section.section("orbit"), settings);
   read_gps(section.section("gps"), settings.gps);
   read_watchdog(section.section("watchdog"), settings.watchdog);

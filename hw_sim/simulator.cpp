@@ -22,8 +22,9 @@ namespace {
 constexpr nanoseconds world_step = milliseconds(20);
 constexpr nanoseconds longest_step = seconds(1);
 constexpr std::string_view first_bus = "can";
-constexpr std::int64_t default_restart_ms = 100;    // of a controller that goes bus-off
-constexpr std::uint64_t seeds_of_peripherals = 16;  ///< from the world's seed on, by CAN address
+constexpr nanoseconds kill_period = milliseconds(200);  // without power nothing that is started runs on
+constexpr std::int64_t default_restart_ms = 100;        // of a controller that goes bus-off
+constexpr std::uint64_t seeds_of_peripherals = 16;      ///< from the world's seed on, by CAN address
 
 /// The path of a device this program serves.
 Result<std::filesystem::path, std::string> served(const std::string& uri, const char* scheme,
@@ -237,9 +238,11 @@ Simulator::~Simulator() {
 
 Result<std::unique_ptr<Simulator>, std::string> Simulator::create(
     EventLoop& loop, const SimulationSettings& settings, const PeripheralModels& models,
-    const std::filesystem::path& var, const std::vector<std::string>& restart_command) {
+    const std::filesystem::path& var, const std::vector<std::string>& restart_command,
+    std::function<void()> kill_computer) {
   const MonotonicTime now = monotonic_now();
   std::unique_ptr<Simulator> simulator(new Simulator(loop, settings, now));
+  simulator->kill_computer_ = std::move(kill_computer);
   simulator->make_stations(settings, models);
   if (auto opened = simulator->open_can(settings, var); !opened) return Err(opened.error());
   if (auto opened = simulator->open_gps(settings, var, now); !opened) return Err(opened.error());
@@ -409,6 +412,7 @@ void Simulator::step(MonotonicTime now) {
   world_.step(now - stepped_);
   for (Station& station : stations_) station.model->step(now - stepped_);
   stepped_ = now;
+  follow_computer_power(now);
   point_camera(now);
   if (rs422_) rs422_->release_exclusive_holds();
   if (gps_) gps_->release_exclusive_hold();
@@ -419,6 +423,25 @@ void Simulator::step(MonotonicTime now) {
     flushed_ = now;
   }
   loop_.set_timer(step_timer_, now + world_step);
+}
+
+void Simulator::follow_computer_power(MonotonicTime now) {
+  const bool on = world_.power().state().computer_on;
+  if (on != std::exchange(computer_on_, on)) switch_computer(on);
+  if (on || now - killed_ < kill_period) return;
+  killed_ = now;
+  kill_computer_();
+}
+
+void Simulator::switch_computer(bool on) {
+  if (on) {
+    log::warn("the battery is charged again: the computer is switched on");
+  } else {
+    log::error("the battery is empty: computer and peripherals lose their power");
+  }
+  for (Station& station : stations_)
+    station.peripheral->set_power(on && gpio_.power(station.place.power_line), loop_.running_now());
+  if (watchdog_) watchdog_->set_power(on);
 }
 
 void Simulator::set_peripheral_fault(const nlohmann::json& request) {

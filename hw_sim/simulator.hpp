@@ -3,6 +3,7 @@
 #pragma once
 
 #include <filesystem>
+#include <functional>
 #include <map>
 #include <memory>
 #include <string>
@@ -29,10 +30,13 @@ namespace srfs::sim {
 class Simulator {
  public:
   /// @param models  of the peripherals; one without is silent
-  /// @param restart_command  for the watchdog when the deployment names none  Error: ready to print.
+  /// @param restart_command  for the watchdog when the deployment names none
+  /// @param kill_computer  ends every process of the suite at once, as a loss of power does  Error: ready to
+  /// print.
   [[nodiscard]] static Result<std::unique_ptr<Simulator>, std::string> create(
       EventLoop& loop, const SimulationSettings& settings, const PeripheralModels& models,
-      const std::filesystem::path& var, const std::vector<std::string>& restart_command);
+      const std::filesystem::path& var, const std::vector<std::string>& restart_command,
+      std::function<void()> kill_computer);
   ~Simulator();
   Simulator(const Simulator&) = delete;
   Simulator& operator=(const Simulator&) = delete;
@@ -80,6 +84,8 @@ class Simulator {
                                                         const std::filesystem::path& var,
                                                         const std::vector<std::string>& restart_command);
   void step(MonotonicTime now);
+  void follow_computer_power(MonotonicTime now);
+  void switch_computer(bool on);
 
   // Control requests, one per key. Each throws std::invalid_argument with what was expected.
   void set_peripheral_fault(const nlohmann::json& request);
@@ -108,6 +114,9 @@ class Simulator {
   std::unique_ptr<WatchdogDevice> watchdog_;
   std::unique_ptr<SeqpacketServer> watchdog_socket_;
   std::unique_ptr<SeqpacketServer> control_socket_;
+  std::function<void()> kill_computer_;
+  bool computer_on_ = true;
+  MonotonicTime killed_;
   EventLoop::Timer step_timer_;
   MonotonicTime stepped_;
   MonotonicTime flushed_;

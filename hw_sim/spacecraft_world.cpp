@@ -20,10 +20,17 @@ nlohmann::json list(const auto& values) {
   return out;
 }
 
+/// Of the sun above the plane of the orbit: it makes the season of eclipses.
+double beta_rad(const OrbitState& orbit) {
+  const Eigen::Vector3d normal = orbit.position_m.cross(orbit.velocity_m_s).normalized();
+  return std::asin(std::clamp(normal.dot(orbit.sun_direction), -1.0, 1.0));
+}
+
 AttitudeState start_state(const AttitudeSettings& settings) {
   AttitudeState state;
   state.attitude = Eigen::Quaterniond(0.5, 0.5, -0.3, 0.2).normalized();
   state.rate_rad_s = settings.initial_rate_rad_s;
+  state.wheel_momentum_n_m_s = settings.wheel_inertia_kg_m2 * settings.initial_wheel_speed_rad_s;
   return state;
 }
 
@@ -72,7 +79,7 @@ ThermalInput SpacecraftWorld::thermal_input() const {
   input.albedo_cosine = std::max(0.0, up.dot(orbit_state_.sun_direction));
   input.heaters_powered = heaters_on();
 
-  const double computer_w = settings_.power.base_load_w;
+  const double computer_w = power_.base_load_w();
   const double regulator_w = computer_w * (1 / settings_.power.regulator_efficiency - 1);
   input.dissipation_w[index(ThermalNode::structure_px)] = computer_w / 2 + regulator_w;
   input.dissipation_w[index(ThermalNode::structure_mx)] =
@@ -128,6 +135,7 @@ nlohmann::json SpacecraftWorld::truth() const {
   nlohmann::json out;
   out["orbit"] = {{"utc", to_iso8601(orbit_time_)},
                   {"eclipsed", orbit_state_.eclipsed},
+                  {"beta_deg", beta_rad(orbit_state_) * degree},
                   {"latitude_deg", orbit_state_.latitude_rad * degree},
                   {"longitude_deg", orbit_state_.longitude_rad * degree},
                   {"position_m", list(orbit_state_.position_m)},
@@ -149,7 +157,10 @@ nlohmann::json SpacecraftWorld::truth() const {
                   {"switches", p.switches},
                   {"load_a", list(p.load_a)},
                   {"charge_limit", power_.charge_limit()},
-                  {"undervoltage_trips", p.undervoltage_trips}};
+                  {"undervoltage_trips", p.undervoltage_trips},
+                  {"lowest_charge", p.lowest_charge},
+                  {"computer_on", p.computer_on},
+                  {"cut_outs", p.cut_outs}};
   out["thermal"] = {{"temperature_k", list(thermal_.temperatures_k())},
                     {"heating", {thermal_.heating(0), thermal_.heating(1)}},
                     {"heaters_powered", heaters_on()},

@@ -69,11 +69,22 @@ WatchdogDevice::~WatchdogDevice() {
 
 void WatchdogDevice::write_status() const {
   if (status_.empty()) return;
-  const auto bites = starvation_.bite_count();
+  const auto bites = starvation_.bite_count() - bites_at_power_on_;
   const auto written = write_file_atomically(
       status_, fmt::format("boot {}.{}\nwatchdog {}\ntimeout_ms {}\n", switched_on_.ns(), bites,
                            bites > 0 ? 1 : 0, starvation_.timeout().count()));
   if (!written) log::error("cannot write the watchdog's status: {}", written.error().message);
+}
+
+void WatchdogDevice::set_power(bool on) {
+  starvation_.disarm();
+  if (on) {
+    switched_on_ = monotonic_now();
+    bites_at_power_on_ = starvation_.bite_count();
+    write_status();
+    start_restart();
+  }
+  set_bite_timer();
 }
 
 void WatchdogDevice::on_datagram(OctetView datagram) {

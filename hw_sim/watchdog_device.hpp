@@ -36,6 +36,9 @@ class WatchdogDevice {
   WatchdogDevice(const WatchdogDevice&) = delete;
   WatchdogDevice& operator=(const WatchdogDevice&) = delete;
 
+  /// The computer's power, and this device's with it. When it comes the restart command runs: the boot's
+  /// cause is no bite.
+  void set_power(bool on);
   /// One datagram: "V" disarms, anything else feeds.
   void on_datagram(OctetView datagram);
   [[nodiscard]] const StarvationTimer& timer() const { return starvation_; }
@@ -55,6 +58,7 @@ class WatchdogDevice {
   milliseconds limit_;
   std::filesystem::path status_;
   MonotonicTime switched_on_;
+  std::uint64_t bites_at_power_on_ = 0;
   EventLoop::Timer bite_timer_;
   EventLoop::Timer limit_timer_;
   RunningTime restart_ends_;  // killed then

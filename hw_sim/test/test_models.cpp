@@ -153,6 +153,22 @@ TEST(Attitude, PointsAtItsTargetTheShortWayAndStays) {
   EXPECT_LT(model.wheel_speed_rad_s().cwiseAbs().maxCoeff(), 628);
 }
 
+TEST(Attitude, ADisturbanceSaturatesTheWheelsWhereTheTorquersAreTooWeak) {
+  AttitudeSettings settings;
+  settings.disturbance_n_m = {2e-4, 0, 0};
+  AttitudeModel model(settings, {});
+  model.set_mode(AttitudeMode::point);
+  AttitudeEnvironment environment;
+  environment.magnetic_field_t = {2e-5, 1e-5, 3e-5};
+  model.step(30, environment);
+  EXPECT_LT(model.pointing_error_rad(), 0.1);
+
+  model.step(200, environment);
+
+  EXPECT_NEAR(model.wheel_speed_rad_s().cwiseAbs().maxCoeff(), settings.wheel_max_speed_rad_s, 20);
+  EXPECT_GT(model.state().rate_rad_s.norm(), 0.05);  // it tumbles
+}
+
 TEST(Attitude, DoesNothingWithoutPowerForItsActuators) {
   AttitudeModel model({}, tumbling());
   model.set_mode(AttitudeMode::detumble);
@@ -245,6 +261,34 @@ TEST(Power, ShedsItsLoadsWhenNearlyEmpty) {
   for (int i = 0; i < 600; ++i) power.step(10, {});
   EXPECT_EQ(power.state().switches, 0);
   EXPECT_EQ(power.state().undervoltage_trips, 1U);
+}
+
+TEST(Power, CutsTheComputerOffWhenEmptyAndSwitchesItOnWhenCharged) {
+  PowerSettings settings;
+  settings.initial_charge = 0.04;
+  settings.cut_out_charge = 0.03;
+  settings.restore_charge = 0.10;
+  PowerModel power(settings);
+  while (power.state().computer_on) power.step(10, {});
+  EXPECT_EQ(power.state().switches, 0);
+  EXPECT_NEAR(power.state().charge, 0.03, 0.001);
+  EXPECT_LT(power.base_load_w(), 0.1);
+
+  while (!power.state().computer_on && power.state().charge < 0.2) power.step(10, sunlit());
+
+  EXPECT_NEAR(power.state().charge, 0.10, 0.001);
+  EXPECT_EQ(power.state().switches, settings.initial_switches);
+  EXPECT_EQ(power.state().cut_outs, 1U);
+  EXPECT_NEAR(power.state().lowest_charge, 0.03, 0.001);
+}
+
+TEST(Power, NeverCutsTheComputerOffByDefault) {
+  PowerSettings settings;
+  settings.initial_charge = 0.01;
+  PowerModel power(settings);
+  for (int i = 0; i < 3600; ++i) power.step(10, {});
+  EXPECT_EQ(power.state().charge, 0);
+  EXPECT_TRUE(power.state().computer_on);
 }
 
 TEST(Power, HasARisingOpenCircuitVoltage) {

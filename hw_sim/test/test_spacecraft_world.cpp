@@ -90,5 +90,74 @@ TEST(SpacecraftWorld, SaysNoSunInEclipse) {
   EXPECT_LT(dark, 40);
 }
 
+WorldSettings that_can_be_lost() {
+  WorldSettings settings;
+  settings.power.initial_charge = 0.76;
+  settings.power.initial_switches = 0b1111;
+  settings.power.undervoltage_charge = 0;  // nothing but the computer protects the battery
+  settings.power.cut_out_charge = 0.037;
+  return settings;
+}
+
+TEST(SpacecraftWorld, IsLostWithAllLoadsOnWhenNothingShedsThem) {
+  SpacecraftWorld world(that_can_be_lost(), start);
+  for (int s = 0; s < 95 * 12 && world.power().state().cut_outs == 0; ++s) world.step(seconds(1));
+  EXPECT_EQ(world.power().state().cut_outs, 1U);
+}
+
+TEST(SpacecraftWorld, SurvivesWhenCameraAndTransmitterAreShedInTime) {
+  SpacecraftWorld world(that_can_be_lost(), start);
+  bool safe = false;
+  double highest_after = 0;
+  for (int s = 0; s < 95 * 24; ++s) {
+    world.step(seconds(1));
+    if (world.power().state().charge < 0.35) safe = true;
+    if (safe) {
+      world.power().switch_load(Load::camera, false);
+      world.power().switch_load(Load::transmitter, false);
+      world.attitude().set_mode(AttitudeMode::detumble);
+      highest_after = std::max(highest_after, world.power().state().charge);
+    }
+  }
+  EXPECT_TRUE(safe);
+  EXPECT_EQ(world.power().state().cut_outs, 0U);
+  EXPECT_GT(world.power().state().lowest_charge, 0.20);
+  EXPECT_GT(highest_after, 0.55);
+}
+
+TEST(SpacecraftWorld, FreezesItsBatteryWithoutHeatersInALongNight) {
+  WorldSettings settings = that_can_be_lost();
+  settings.power.initial_switches = 0b0000;
+  settings.power.capacity_a_h = 2.6;
+  settings.thermal.initial_k[static_cast<Eigen::Index>(ThermalNode::battery)] = 274;
+  WorldSettings heated = settings;
+  heated.power.initial_switches = 0b0010;
+  SpacecraftWorld cold(settings, start);
+  SpacecraftWorld warm(heated, start);
+  double coldest = 400;
+  double coldest_heated = 400;
+  for (int s = 0; s < 95 * 4; ++s) {
+    cold.step(seconds(1));
+    warm.step(seconds(1));
+    coldest = std::min(coldest, cold.thermal().temperature_k(ThermalNode::battery));
+    coldest_heated = std::min(coldest_heated, warm.thermal().temperature_k(ThermalNode::battery));
+  }
+  EXPECT_LT(coldest, 273.15);  // it cannot be charged
+  EXPECT_GT(coldest_heated, coldest);
+}
+
+TEST(SpacecraftWorld, HasNoEclipseWhenTheSunStandsHighAboveThePlane) {
+  WorldSettings settings;
+  settings.orbit.local_time_of_ascending_node_h = 6;
+  SpacecraftWorld dawn(settings, *from_iso8601("2026-03-21T08:00:00Z"));
+  bool eclipsed = false;
+  for (int s = 0; s < 95; ++s) {
+    dawn.step(seconds(1));
+    eclipsed = eclipsed || dawn.orbit().eclipsed;
+  }
+  EXPECT_FALSE(eclipsed);
+  EXPECT_GT(std::abs(dawn.truth()["orbit"]["beta_deg"].get<double>()), 70);
+}
+
 }  // namespace
 }  // namespace srfs::sim
