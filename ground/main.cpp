@@ -356,6 +356,20 @@ Exit ping(const Operation& operation) {
                       [&](Console& console) { return console.ping(duration(a.timeout_s)); });
 }
 
+/// The satellite's health at a glance: mode, why, what was shed, what comes next.
+Exit status(const Operation& operation) {
+  const Arguments& a = operation.arguments;
+  const std::string one_shot = "housekeeping.one_shot";
+  const std::vector<std::string> health{"structure=health"};
+  const auto encoded = operation.dictionary.encode(one_shot, health);
+  if (!encoded) return fail(a, encoded.error().message);
+  const auto order = ReportOrder::of(operation.dictionary, *encoded);
+  if (!order) return fail(a, "the dictionary has no structure health");
+  return with_console(operation, link_of(a), {}, [&](Console& console) {
+    return console.telecommand_with_reports(one_shot, health, *order, duration(a.timeout_s));
+  });
+}
+
 Exit tc(const Operation& operation) {
   const Arguments& a = operation.arguments;
   const auto at = release_time(a);
@@ -625,6 +639,9 @@ void define_run(CLI::App& app, Arguments& a) {
 
 void define_telecommands(CLI::App& app, Arguments& a) {
   add_timeout(add(app, a, "ping", "Ask the spacecraft whether it is alive (17,1)", verbs::ping), a);
+  add_timeout(add(app, a, "status", "Show mode, why, what was shed, which nodes obey, what comes next",
+                  verbs::status),
+              a);
   CLI::App& tc = add(app, a, "tc", "Send a telecommand of the mission dictionary", verbs::tc);
   add_telecommand(tc, a);
   tc.add_flag("--wait", a.wait, "Wait for completion, not only acceptance");

@@ -97,6 +97,7 @@ void AttitudeModel::command_actuators(double dt_s, const Eigen::Vector3d& field_
       break;
     }
     case AttitudeMode::point:
+    case AttitudeMode::sun:
       rotor_torque = limited(-pointing_torque_n_m(), settings_.wheel_max_torque_n_m);
       dipole_a_m2_ =
           dipole_against(-settings_.unloading_gain_1_s * state_.wheel_momentum_n_m_s, field_body_t);
@@ -133,7 +134,15 @@ AttitudeState AttitudeModel::derivative(const AttitudeState& s,
   return d;
 }
 
+void AttitudeModel::follow_sun(const Eigen::Vector3d& sun_direction) {
+  if (sun_direction.squaredNorm() < 0.5) return;
+  static const Eigen::Vector3d edge = Eigen::Vector3d(1, 1, 0).normalized();
+  const Eigen::Quaterniond turn = Eigen::Quaterniond::FromTwoVectors(state_.attitude * edge, sun_direction);
+  target_ = (turn * state_.attitude).normalized();
+}
+
 void AttitudeModel::sub_step(double dt_s, const AttitudeEnvironment& environment) {
+  if (mode_ == AttitudeMode::sun) follow_sun(environment.sun_direction);
   if (environment.actuators_powered) {
     command_actuators(dt_s, state_.attitude.conjugate() * environment.magnetic_field_t);
   } else {

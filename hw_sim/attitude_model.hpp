@@ -10,7 +10,7 @@
 namespace srfs::sim {
 
 /// What the attitude control does.
-enum class AttitudeMode : std::uint8_t { idle = 0, detumble = 1, point = 2 };
+enum class AttitudeMode : std::uint8_t { idle = 0, detumble = 1, point = 2, sun = 3 };
 
 /// A 3U CubeSat of 4 kg with three wheels along its axes and three magnetorquers, of the sizes sold for that
 /// class.
@@ -37,6 +37,7 @@ struct AttitudeEnvironment {
   Eigen::Vector3d magnetic_field_t = Eigen::Vector3d::Zero();
   Eigen::Vector3d position_m = Eigen::Vector3d::Zero();  ///< zero: no gravity gradient
   bool actuators_powered = true;
+  Eigen::Vector3d sun_direction = Eigen::Vector3d::Zero();  ///< unit vector; zero: not in sight
 };
 
 struct AttitudeState {
@@ -78,6 +79,8 @@ class AttitudeModel {
 
  private:
   void sub_step(double dt_s, const AttitudeEnvironment& environment);
+  /// Mode sun: turns the edge between the large panels towards the sun, the short way; in the dark it stays.
+  void follow_sun(const Eigen::Vector3d& sun_direction);
   void command_actuators(double dt_s, const Eigen::Vector3d& field_body_t);
   [[nodiscard]] Eigen::Vector3d pointing_torque_n_m() const;
   [[nodiscard]] Eigen::Vector3d dipole_against(const Eigen::Vector3d& torque_n_m,

@@ -71,6 +71,7 @@ void PowerModel::solve(const PowerInput& input) {
   const Eigen::Matrix<double, 6, 1> towards_sun{lit[0], lit[3], lit[1], lit[4], lit[2], lit[5]};
   const double panels_w = settings_.cells_per_face.dot(towards_sun) * settings_.cell_area_m2 *
                           settings_.cell_efficiency * settings_.tracker_efficiency * solar_constant_w_m2;
+  state_.panels_w = panels_w;
   const double demand_w = bus_w / settings_.regulator_efficiency;
 
   // Cells conduct worse in the cold: about 2 % per kelvin, at most threefold.

@@ -51,6 +51,7 @@ struct PowerState {
   double battery_v = 0;  ///< at the terminals
   double battery_a = 0;  ///< positive: charging
   double solar_w = 0;    ///< taken from the panels, curtailed when the battery wants no more
+  double panels_w = 0;   ///< that they could give
   double solar_a = 0;    ///< into the battery's terminals
   double bus_v = 0;
   std::array<double, load_count> load_a{};

@@ -85,11 +85,21 @@ ThermalInput SpacecraftWorld::thermal_input() const {
   input.dissipation_w[index(ThermalNode::structure_mx)] =
       computer_w / 2 + power_.load_w(Load::adcs_actuators);
   input.dissipation_w[index(ThermalNode::battery)] = power_.state().battery_heat_w;
+  if (!power_.state().computer_on && battery_is_cold()) {
+    // Without the computer the power supply warms a frozen battery from the panels, or it would stay flat.
+    input.dissipation_w[index(ThermalNode::battery)] +=
+        std::min(power_.state().panels_w, settings_.thermal.heaters[0].power_w);
+  }
   input.dissipation_w[index(ThermalNode::camera)] = power_.load_w(Load::camera) * 0.4;
   input.dissipation_w[index(ThermalNode::payload)] =
       power_.load_w(Load::camera) * 0.6 +
       power_.load_w(Load::transmitter) * 0.7;  // the rest leaves by the antenna
   return input;
+}
+
+bool SpacecraftWorld::battery_is_cold() const {
+  constexpr double margin_k = 3;
+  return thermal_.temperature_k(ThermalNode::battery) < settings_.power.lowest_charging_k + margin_k;
 }
 
 void SpacecraftWorld::settle() {
@@ -103,6 +113,7 @@ void SpacecraftWorld::sub_step(double real_s) {
   AttitudeEnvironment surroundings;
   surroundings.magnetic_field_t = orbit_state_.magnetic_field_t;
   surroundings.position_m = orbit_state_.position_m;
+  if (!orbit_state_.eclipsed) surroundings.sun_direction = orbit_state_.sun_direction;
   surroundings.actuators_powered = actuators_powered_ && power_.is_on(Load::adcs_actuators);
   attitude_.step(real_s * settings_.attitude_acceleration, surroundings);
   power_.step(accelerated_s, power_input());

@@ -60,6 +60,7 @@ class SpacecraftWorld {
   [[nodiscard]] PowerInput power_input() const;
   [[nodiscard]] ThermalInput thermal_input() const;
   [[nodiscard]] bool heaters_on() const;
+  [[nodiscard]] bool battery_is_cold() const;  ///< it takes no charge, or soon none
 
   WorldSettings settings_;
   Orbit orbit_;

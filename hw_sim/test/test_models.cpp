@@ -169,6 +169,22 @@ TEST(Attitude, ADisturbanceSaturatesTheWheelsWhereTheTorquersAreTooWeak) {
   EXPECT_GT(model.state().rate_rad_s.norm(), 0.05);  // it tumbles
 }
 
+TEST(Attitude, TurnsItsLargePanelsToTheSunAndStaysInTheDark) {
+  AttitudeModel model({}, tumbling());
+  model.set_mode(AttitudeMode::sun);
+  AttitudeEnvironment environment;
+  environment.magnetic_field_t = {2e-5, 1e-5, 3e-5};
+  environment.sun_direction = Eigen::Vector3d(-0.3, 0.2, 0.9).normalized();
+  model.step(180, environment);
+  const auto towards_sun = [&, sun = environment.sun_direction] {
+    return (model.state().attitude * Eigen::Vector3d(1, 1, 0).normalized()).dot(sun);
+  };
+  EXPECT_GT(towards_sun(), 0.99);
+  environment.sun_direction = Eigen::Vector3d::Zero();
+  model.step(300, environment);
+  EXPECT_GT(towards_sun(), 0.99);
+}
+
 TEST(Attitude, DoesNothingWithoutPowerForItsActuators) {
   AttitudeModel model({}, tumbling());
   model.set_mode(AttitudeMode::detumble);

@@ -105,6 +105,16 @@ TEST(SpacecraftWorld, IsLostWithAllLoadsOnWhenNothingShedsThem) {
   EXPECT_EQ(world.power().state().cut_outs, 1U);
 }
 
+TEST(SpacecraftWorld, ComesBackWhenTheBatteryIsChargedAgainThoughItFroze) {
+  SpacecraftWorld world(that_can_be_lost(), start);
+  for (int s = 0; s < 95 * 12 && world.power().state().computer_on; ++s) world.step(seconds(1));
+  ASSERT_FALSE(world.power().state().computer_on);
+  world.set_heaters_powered(false);
+  for (int s = 0; s < 95 * 40 && !world.power().state().computer_on; ++s) world.step(seconds(1));
+  EXPECT_TRUE(world.power().state().computer_on);
+  EXPECT_GE(world.power().state().charge, 0.15);
+}
+
 TEST(SpacecraftWorld, SurvivesWhenCameraAndTransmitterAreShedInTime) {
   SpacecraftWorld world(that_can_be_lost(), start);
   bool safe = false;
@@ -115,7 +125,7 @@ TEST(SpacecraftWorld, SurvivesWhenCameraAndTransmitterAreShedInTime) {
     if (safe) {
       world.power().switch_load(Load::camera, false);
       world.power().switch_load(Load::transmitter, false);
-      world.attitude().set_mode(AttitudeMode::detumble);
+      world.attitude().set_mode(AttitudeMode::sun);
       highest_after = std::max(highest_after, world.power().state().charge);
     }
   }

@@ -434,6 +434,11 @@ Deployment Deployment::load(const std::filesystem::path& file) {
   }
   (void)root.has("simulation");  // hw_sim's
   if (root.has("ring")) d.ring = read_ring(root.section("ring"));
+  if (root.has("modes")) {
+    d.modes = read_modes(root.section("modes"));
+    if (d.find("ttc") == nullptr) d.modes = {};  // nobody would publish the mode
+    if (d.modes.critical.empty()) d.modes.critical = d.ring.critical;
+  }
   read_peripherals(d, root);
   root.finish();
   check_names(d, root);

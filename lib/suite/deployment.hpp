@@ -11,6 +11,7 @@
 #include "base/config.hpp"
 #include "ros/graph.hpp"
 #include "ros/node_names.hpp"
+#include "suite/modes.hpp"
 #include "suite/peripheral.hpp"
 
 namespace srfs::suite {
@@ -166,6 +167,7 @@ struct Deployment {
   LinkSettings link;
   std::vector<Bus> buses{Bus{}};  ///< the first is that of `slots`, and of added nodes
   RingSettings ring;
+  ModeSettings modes;            ///< with critical nodes: those of the ring unless the file says
   std::vector<NodeEntry> nodes;  ///< in start order
   /// Those of the nodes, and those on the bus whose node may be added. No two at one place.
   std::vector<Peripheral> peripherals;

@@ -2,10 +2,13 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "suite/node.hpp"
 
+#include <algorithm>
+
 #include <fmt/format.h>
 
 #include <mission/structures.hpp>
 
+#include "base/excerpt.hpp"
 #include "base/saturate.hpp"
 #include "ros/time_message.hpp"
 #include "suite/added_nodes.hpp"
@@ -18,6 +21,7 @@ namespace srfs::suite {
 namespace {
 
 constexpr std::uint32_t most_events_per_s = 20;
+constexpr milliseconds mode_check_period{500};
 constexpr seconds start_report_delay{
     2};  // discovery needs a moment: an event raised at once would reach no reader
 
@@ -57,7 +61,8 @@ Node::Node(NodeContext& context, KeptParameters kept)
       departures_(context.executor, context.participant, context.var,
                   [this](const std::string& node) { return deployment().find(node) != nullptr; }),
       event_(create_publisher(topics::event)),
-      telemetry_(create_publisher(topics::telemetry(name()))) {
+      telemetry_(create_publisher(topics::telemetry(name()))),
+      mode_(context.deployment.modes, monotonic_now()) {
   declare_parameter("parameter_trial_s", std::int64_t{300}, ros::ParameterRange{1, 86400},
                     "Time within which a guarded change must be confirmed; otherwise it reverts");
   introspection_ = std::make_unique<NodeIntrospection>(*this, std::move(kept));
@@ -81,6 +86,57 @@ std::string Node::device(const std::string& key) const {
 void Node::finish_declarations() {
   parameters().finish();
   introspection_->begin_keeping();
+  if (follows_mode()) follow_mode();
+}
+
+// ---------------------------------------------------------------- mode
+
+bool Node::follows_mode() const {
+  return context_.deployment.modes.concerns(name());
+}
+
+void Node::follow_mode() {
+  mode_subscription_ = create_subscription(topics::mode, [this](const srfs_msgs::msg::SystemMode& m) {
+    const MonotonicTime sent{
+        nanoseconds(static_cast<std::int64_t>(std::min<std::uint64_t>(m.monotonic_ns, INT64_MAX)))};
+    take_mode(mode_.on_mode({m.mode, m.name, m.change, m.reason, sent}, monotonic_now()));
+  });
+  mode_timer_ = create_timer(
+      mode_check_period, [this] { take_mode(mode_.on_time(monotonic_now())); }, "mode");
+}
+
+void Node::take_mode(bool changed) {
+  if (!changed) return;
+  const ModeInForce& mode = *mode_.in_force();
+  obeyed_change_.reset();
+  if (mode.by_itself) {
+    log::error("mode safe by itself until /mode is heard again: {}", mode.reason);
+    raise(mission::NodeModeByItselfEvent{.reason = excerpt(mode.reason, 80)});
+  } else {
+    log::info("mode {}: {}", mode.name, mode.reason);
+  }
+  on_mode_changed();
+}
+
+ModeReaction Node::mode_reaction() const {
+  const auto& mode = mode_.in_force();
+  return mode ? context_.deployment.modes.reaction(mode->name, name()) : ModeReaction{};
+}
+
+void Node::report_mode_obeyed(std::uint8_t orders) {
+  const auto& mode = mode_.in_force();
+  if (!mode || mode->by_itself || obeyed_change_ == mode->change) return;
+  obeyed_change_ = mode->change;
+  // A start in a mode that asks nothing is no news.
+  const ModeReaction reaction = mode_reaction();
+  const bool asks = !reaction.hold.empty() || !reaction.work;
+  if (!std::exchange(mode_reported_, true) && !asks) return;
+  mission::NodeModeObeyedEvent event;
+  event.mode = static_cast<mission::MissionMode>(mode->number);
+  event.change = mode->change;
+  event.orders = orders;
+  event.reason = excerpt(mode->reason, 60);
+  raise(event);
 }
 
 void Node::set_desired(ros::State desired) {

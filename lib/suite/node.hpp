@@ -13,6 +13,7 @@
 #include "suite/departures.hpp"
 #include "suite/deployment.hpp"
 #include "suite/instance.hpp"
+#include "suite/mode_follower.hpp"
 #include "suite/ring/check_alive.hpp"
 #include "suite/topics.hpp"
 
@@ -97,6 +98,20 @@ class Node : public ros::LifecycleNode {
   /// ones that cannot be used out of the way. Blocks on the disk for the latter.
   void finish_declarations();
 
+  /// The mode that this node obeys; nullopt: none was heard yet, or it follows none.
+  [[nodiscard]] const std::optional<ModeInForce>& mode_in_force() const { return mode_.in_force(); }
+  /// What the deployment asks of this node in it. Any state; where nothing was heard: nothing special.
+  [[nodiscard]] ModeReaction mode_reaction() const;
+  /// Whether it listens to /mode: by default, whether the deployment asks something of it in any mode.
+  [[nodiscard]] virtual bool follows_mode() const;
+  /// mode_in_force() is another one. In any state; what it does is a level, to be kept up by the node. By
+  /// default the node obeys by that alone.
+  virtual void on_mode_changed() { report_mode_obeyed(0); }
+  /// It does now what the mode asks. @param orders  that its peripheral carried out
+  void report_mode_obeyed(std::uint8_t orders);
+  /// Number of the change of mode that it obeys; nullopt: none, or it is safe by itself.
+  [[nodiscard]] std::optional<std::uint32_t> obeyed_change() const { return obeyed_change_; }
+
   /// Brings the node where it is wanted; hears what happens on the way.
   struct Supervisor {
     std::function<void(ros::State)> commanded;  ///< an operator's transition ended there
@@ -140,6 +155,8 @@ class Node : public ros::LifecycleNode {
 
  private:
   Node(NodeContext& context, KeptParameters kept);
+  void follow_mode();
+  void take_mode(bool changed);
   void show_lifecycle();
   void allow_bring_up_time();
   void report_first_activation();
@@ -159,6 +176,11 @@ class Node : public ros::LifecycleNode {
   std::shared_ptr<ros::Publisher<srfs_msgs::msg::PayloadTelemetry>> telemetry_;
   std::unique_ptr<NodeIntrospection> introspection_;
   std::unique_ptr<CheckAliveService> check_alive_;
+  ModeFollower mode_;
+  std::optional<std::uint32_t> obeyed_change_;
+  bool mode_reported_ = false;
+  std::shared_ptr<ros::Subscription<srfs_msgs::msg::SystemMode>> mode_subscription_;
+  ros::Timer mode_timer_;
 };
 
 }  // namespace srfs::suite

@@ -345,6 +345,7 @@ void NodeIntrospection::publish_work() {
   mission::WorkThread work;
   work.state = is_primary(node_.state()) ? static_cast<mission::LifecycleState>(node_.state())
                                          : mission::LifecycleState::transition;
+  work.mode_change = node_.obeyed_change().value_or(UINT32_MAX);
   work.callbacks = statistics.all().count();
   work.over_budget = as_u32(statistics.over_budget());
   work.failed = node_.failed_callbacks();

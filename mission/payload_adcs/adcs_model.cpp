@@ -10,7 +10,7 @@ namespace {
 using Result = wire::PeripheralResult;
 
 enum class Function : std::uint8_t {
-  set_mode = 1,               ///< u8 mode: 0 idle, 1 detumble, 2 point
+  set_mode = 1,               ///< u8 mode: 0 idle, 1 detumble, 2 point, 3 sun
   set_target_quaternion = 2,  ///< 4 f32, scalar last
   set_wheel_speed = 3,        ///< u8 wheel 0-2, f32 rad/s
 };
@@ -61,7 +61,7 @@ Result AdcsModel::execute(std::uint8_t function, OctetView arguments) {
   switch (static_cast<Function>(function)) {
     case Function::set_mode: {
       const std::uint8_t mode = in.u8();
-      if (!exactly_read(in) || mode > 2) return Result::bad_argument;
+      if (!exactly_read(in) || mode > 3) return Result::bad_argument;
       attitude.set_mode(static_cast<AttitudeMode>(mode));
       return Result::done;
     }

@@ -54,10 +54,11 @@ class Dictionary:
         self.apids, self.services, self.stores, self.failure_codes = [], [], [], []
         self.enums = {}
         self.structures, self.commands, self.events, self.parameters = [], [], [], []
-        self.payloads, self.parameter_ids, self.beacon = [], {}, {}
+        self.payloads, self.parameter_ids, self.beacon, self.modes = [], {}, {}, {}
         self.monitors, self.event_actions = [], []
         for file in files_of(pathlib.Path(folder)):
             self._merge(file)
+        self._add_modes()
         for fragment in fragments:
             self._merge(pathlib.Path(fragment), fragment=True)
         self.apid_of = {a["node"]: a["apid"] for a in self.apids}
@@ -98,6 +99,7 @@ class Dictionary:
         self.event_actions += content.get("event_actions", [])
         self.parameter_ids.update(content.get("parameter_ids", {}))
         self.beacon.update(content.get("beacon", {}))
+        self.modes.update(content.get("modes", {}))
         for name, enum in content.get("enums", {}).items():
             if name in self.enums:
                 raise DictionaryError(f"{file.name}: enum {name} stands twice")
@@ -108,6 +110,14 @@ class Dictionary:
                 entry["file"] = file.name
                 entry["fragment"] = fragment
                 getattr(self, key).append(entry)
+
+    def _add_modes(self):
+        """The mission's modes beside those of SRFS."""
+        labels = self.enums.get("mission_mode", {}).get("labels", {})
+        for name, number in self.modes.items():
+            if name in labels or number in labels.values() or not 0 < number <= 31:
+                raise DictionaryError(f"mission.yaml: modes: {name}: a new name, and a new number from 1 to 31")
+            labels[name] = number
 
     def _lay_out(self, field, structure):
         """A field per payload or per node (`count: payloads`) has as many elements as the mission has."""

@@ -233,8 +233,20 @@ class DictionaryLoader {
     }
     if (d_.payloads_.size() > most_payloads)
       throw file.bad("payloads", fmt::format("{} names at most", most_payloads));
+    const ConfigSection modes = file.section("modes");
+    for (const std::string& name : modes.keys()) add_mode(modes, name);
     const ConfigSection ids = file.section("parameter_ids");
     for (const std::string& name : ids.keys()) parameter_ids_[name] = ids.integer(name, 1, 65535);
+  }
+
+  /// A mode beside those of SRFS.
+  void add_mode(const ConfigSection& modes, const std::string& name) {
+    auto& labels = d_.enums_["mission_mode"].labels;
+    const std::int64_t number = modes.integer(name, 1, 31);
+    const bool known =
+        std::any_of(labels.begin(), labels.end(), [&](const auto& l) { return l.second == name; });
+    if (known || labels.contains(number)) throw modes.bad(name, "a new name, and a new number");
+    labels[number] = name;
   }
 
   /// { structure: NAME, field: NAME }, beside what the caller reads

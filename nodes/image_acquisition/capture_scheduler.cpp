@@ -13,12 +13,20 @@ namespace failure = mission::failure;
 using mission::CameraState;
 using Actions = CaptureScheduler::Actions;
 
+namespace {
+
+constexpr const char* ended_by_mode = "not in this mode";
+
+}  // namespace
+
 void CaptureScheduler::configure(std::string camera_problem) {
   const auto counters = counters_;
   const Settings settings = settings_;
+  const bool rests = rests_;
   *this = CaptureScheduler();
   counters_ = counters;
   settings_ = settings;
+  rests_ = rests;
   counters_.camera_state = CameraState::closed;
   has_camera_ = camera_problem.empty();
   camera_problem_ = has_camera_ ? "closed" : std::move(camera_problem);
@@ -54,6 +62,7 @@ Actions CaptureScheduler::deactivate(const std::string& reason) {
 std::optional<CaptureFailure> CaptureScheduler::why_refused(const CaptureRequest& request,
                                                             const CaptureTime& time) const {
   if (!active_) return CaptureFailure{failure::camera_absent, "the node is not active"};
+  if (rests_) return CaptureFailure{failure::wrong_mode, ended_by_mode};
   if (!has_camera_) return CaptureFailure{failure::camera_absent, camera_problem_};
   if (!store_problem_.empty()) return CaptureFailure{failure::disk_failed, store_problem_};
   if (auto refused = refuse(request)) return refused;
@@ -72,6 +81,20 @@ Actions CaptureScheduler::on_goal(CaptureGoal goal, const CaptureRequest& reques
   }
   waiting_.emplace_back(goal, request, time.now);
   return {DriveSoon{}};
+}
+
+Actions CaptureScheduler::rest(bool rests) {
+  rests_ = rests;
+  if (!rests_) return {};
+  if (current_ && !current_->end.failure) current_->end.failure = {failure::wrong_mode, ended_by_mode};
+  for (Task& task : waiting_) {
+    task.end.failure = {failure::wrong_mode, ended_by_mode};
+    end_task(task);
+  }
+  waiting_.clear();
+  Actions actions = take_actions();
+  if (current_) actions.emplace_back(DriveSoon{});
+  return actions;
 }
 
 void CaptureScheduler::on_cancel(CaptureGoal goal) {

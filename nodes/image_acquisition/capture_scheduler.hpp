@@ -138,6 +138,9 @@ class CaptureScheduler {
   [[nodiscard]] Actions deactivate(const std::string& reason);
   /// Frames cannot be stored for this reason, so nothing is taken; empty: they can.
   void set_store_problem(std::string why) { store_problem_ = std::move(why); }
+  /// The mode allows no tasks: those that there are end, the running one behind its frame, and none begins.
+  /// @param rests  or no more
+  [[nodiscard]] Actions rest(bool rests);
 
   [[nodiscard]] Actions on_goal(CaptureGoal goal, const CaptureRequest& request, const CaptureTime& time);
   void on_cancel(CaptureGoal goal);
@@ -220,6 +223,7 @@ class CaptureScheduler {
   bool has_camera_ = true;
   Settings settings_;
   bool active_ = false;
+  bool rests_ = false;
   std::string camera_problem_;
   std::string camera_name_;
   bool camera_was_lost_ = false;

@@ -186,6 +186,13 @@ void ImageAcquisitionNode::carry_out(const WakeAt& action) {
         *action.at, [this] { drive(); }, "capture due");
 }
 
+// ---------------------------------------------------------------- mode
+
+void ImageAcquisitionNode::on_mode_changed() {
+  run(scheduler_.rest(!mode_reaction().work));
+  report_mode_obeyed(0);
+}
+
 // ---------------------------------------------------------------- goals
 
 void ImageAcquisitionNode::on_goal(const Goal& goal) {

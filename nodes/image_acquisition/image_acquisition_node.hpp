@@ -36,6 +36,8 @@ class ImageAcquisitionNode : public suite::Node {
   /// The last job of a deactivation has ended: the camera is closed, all frames are on the disk.
   [[nodiscard]] bool is_at_rest() const override { return scheduler_.is_at_rest(); }
 
+  void on_mode_changed() override;
+
  protected:
   ros::CallbackReturn on_configure() override;
   ros::CallbackReturn on_activate() override;

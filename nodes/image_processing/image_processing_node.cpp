@@ -88,13 +88,13 @@ bool ImageProcessingNode::open_store() {
 }
 
 CallbackReturn ImageProcessingNode::on_deactivate() {
-  abort_all();
+  abort_all(mission::failure::node_not_active, "the node is no longer active");
   return CallbackReturn::success;
 }
 
 /// The worker stays: the running step is not awaited, and later steps come after it.
 CallbackReturn ImageProcessingNode::on_cleanup() {
-  abort_all();
+  abort_all(mission::failure::node_not_active, "the node is no longer active");
   housekeeping_timer_.reset();
   server_.reset();
   store_.reset();
@@ -105,8 +105,14 @@ CallbackReturn ImageProcessingNode::on_cleanup() {
 
 // ---------------------------------------------------------------- goals
 
+void ImageProcessingNode::on_mode_changed() {
+  if (!mode_reaction().work) abort_all(mission::failure::wrong_mode, "not in this mode");
+  report_mode_obeyed(0);
+}
+
 void ImageProcessingNode::on_goal(Goal goal) {
   ++counters_.tasks;
+  if (!mode_reaction().work) return abort(goal, mission::failure::wrong_mode, "not in this mode");
   waiting_.push_back(std::move(goal));
   if (!running_) begin_next();
 }
@@ -280,10 +286,9 @@ void ImageProcessingNode::abort(const Goal& goal, std::uint16_t code, const std:
 }
 
 /// What the worker still does belongs to no task any more.
-void ImageProcessingNode::abort_all() {
+void ImageProcessingNode::abort_all(std::uint16_t code, const std::string& reason) {
   if (running_) waiting_.push_front(std::exchange(running_, std::nullopt)->goal);
-  for (const Goal& goal : std::exchange(waiting_, {}))
-    abort(goal, mission::failure::node_not_active, "the node is no longer active");
+  for (const Goal& goal : std::exchange(waiting_, {})) abort(goal, code, reason);
 }
 
 // ---------------------------------------------------------------- housekeeping

@@ -24,6 +24,8 @@ class ImageProcessingNode : public suite::Node {
   /// The step that ran at a deactivation, or a cleanup, has ended.
   [[nodiscard]] bool is_at_rest() const override;
 
+  void on_mode_changed() override;
+
  protected:
   ros::CallbackReturn on_configure() override;
   ros::CallbackReturn on_deactivate() override;
@@ -60,7 +62,7 @@ class ImageProcessingNode : public suite::Node {
   void raise_events(const ImageTask& task);
   [[nodiscard]] Process::Result result_of(const ImageTask& task) const;
   void abort(const Goal& goal, std::uint16_t code, const std::string& reason);
-  void abort_all();
+  void abort_all(std::uint16_t code, const std::string& reason);
   void publish_housekeeping();
 
   std::shared_ptr<ros::Worker> worker_;  ///< from the first configuring on

@@ -115,6 +115,11 @@ void MaintenanceNode::carry_out(const Order& order) {
   if (!taken) finished(mission::failure::queue_full);
 }
 
+void MaintenanceNode::on_mode_changed() {
+  if (transaction_) run(transaction_->rest(!mode_reaction().work));
+  report_mode_obeyed(0);
+}
+
 void MaintenanceNode::carry_out(const mission::PackageInstall& action) {
   run(transaction_->install(action.file, action.activate));
 }

@@ -29,6 +29,8 @@ class MaintenanceNode : public CommandedNode {
  public:
   explicit MaintenanceNode(suite::NodeContext& context);
 
+  void on_mode_changed() override;
+
  protected:
   ros::CallbackReturn on_configure() override;
   ros::CallbackReturn on_activate() override;

@@ -94,6 +94,7 @@ void MaintenanceNode::open_packages() {
       create_worker("packages", 8, std::max<milliseconds>(worker_deadline(), longest_package_job));
   auto journal = update::update_journal_file(state_dir()).load().state;
   transaction_.emplace(journal ? std::move(*journal) : update::UpdateJournal{}, name());
+  run(transaction_->rest(!mode_reaction().work));
   resume_pending_ = true;
   reviewing_added_ = create_timer(
       between_reviews, [this] { review_added_nodes(); }, "added nodes");

@@ -13,6 +13,8 @@ using Actions = UpdateTransaction::Actions;
 
 namespace {
 
+constexpr const char* ended_by_mode = "not in this mode";
+
 Actions operator+(Actions first, Actions second) {
   first.insert(first.end(), std::make_move_iterator(second.begin()), std::make_move_iterator(second.end()));
   return first;
@@ -32,6 +34,7 @@ bool UpdateTransaction::take(Waiting expected) {
 // ---------------------------------------------------------------- begin
 
 Actions UpdateTransaction::install(const std::string& file, bool activate) {
+  if (rests_) return {AnswerTelecommand{mission::failure::wrong_mode}};
   if (is_busy()) {
     const bool is_same = !is_taking_in() && update().file == file;
     return {AnswerTelecommand{is_same ? mission::failure::none : mission::failure::update_under_way}};
@@ -96,6 +99,7 @@ Actions UpdateTransaction::begin_step(UpdateStep step) {
 
 Actions UpdateTransaction::next_step() {
   if (stopped_) return {};
+  if (rests_) return end(UpdateStep::cancelled, ended_by_mode);
   switch (update().step) {
     case UpdateStep::build:
       waiting_ = Waiting::lane;
@@ -117,7 +121,8 @@ Actions UpdateTransaction::next_step() {
 
 Actions UpdateTransaction::on_lane_ended(const LaneEnd& end_of_lane) {
   if (!take(Waiting::lane)) return {};
-  if (std::exchange(cancelled_, false)) return end(UpdateStep::cancelled, "by telecommand");
+  if (std::exchange(cancelled_, false))
+    return end(UpdateStep::cancelled, rests_ ? ended_by_mode : "by telecommand");
   switch (end_of_lane.how) {
     case LaneEnd::How::hung:
       return end(UpdateStep::failed, "the build lane hung and was killed");
@@ -179,6 +184,13 @@ Actions UpdateTransaction::cancel() {
   if (waiting_ != Waiting::lane) return {AnswerTelecommand{mission::failure::no_update}};
   cancelled_ = true;
   return {StopLane{}, AnswerTelecommand{}};
+}
+
+Actions UpdateTransaction::rest(bool rests) {
+  rests_ = rests;
+  if (!rests_ || waiting_ != Waiting::lane) return {};
+  cancelled_ = true;
+  return {StopLane{}};
 }
 
 Actions UpdateTransaction::installed(std::optional<milliseconds> outage) {

@@ -150,6 +150,9 @@ class UpdateTransaction {
   [[nodiscard]] Actions install(const std::string& file, bool activate);
   /// A telecommand: ends the lane's process. `no_update` when the lane does not run.
   [[nodiscard]] Actions cancel();
+  /// The mode allows no installation: what has not begun to swap ends, and none begins. @param rests  or no
+  /// more
+  [[nodiscard]] Actions rest(bool rests);
   /// Once, after a start of this process: what an earlier one left goes on.
   /// @param table  of the update's node. @param is_in_suite  the deployment has the node
   [[nodiscard]] Actions resume(const update::VersionTable& table, bool is_in_suite);
@@ -184,6 +187,7 @@ class UpdateTransaction {
   Waiting waiting_ = Waiting::nothing;
   bool stopped_ = false;
   bool cancelled_ = false;
+  bool rests_ = false;
   std::string asked_file_;  ///< while it is taken in
   bool asked_to_activate_ = true;
   update::Manifest manifest_;     ///< of the update under way

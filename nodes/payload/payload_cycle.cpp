@@ -36,6 +36,13 @@ PayloadCycle::PayloadCycle(PayloadSettings settings, CommandDecoder decode, Tele
   babble_.change_settings(settings_.babble);
 }
 
+PayloadActions PayloadCycle::set_orders(std::vector<StandingOrder> once, std::vector<StandingOrder> hold,
+                                        nanoseconds repeat, MonotonicTime now) {
+  orders_.set(std::move(once), std::move(hold), repeat, now);
+  orders_changed_ = true;
+  return finish();
+}
+
 void PayloadCycle::change_settings(const PayloadSettings& settings) {
   settings_ = settings;
   babble_.change_settings(settings_.babble);
@@ -82,6 +89,7 @@ PayloadActions PayloadCycle::finish() {
     written_or_asked_ = journal_.revision();
     act(WriteTelecommands{written_or_asked_});
   }
+  if (const auto done = orders_.take_first_round()) act(OrdersObeyed{*done});
   if (activity() != published_) {
     published_ = activity();
     act(published_);
@@ -131,7 +139,7 @@ bool PayloadCycle::is_starting(MonotonicTime now) const {
 
 bool PayloadCycle::has_nothing_to_say(MonotonicTime now) {
   return measured_ && flag_.granted - *measured_ < settings_.measurement_period && silent_in_a_row_ == 0 &&
-         journal_.next(now) == nullptr;
+         journal_.next(now) == nullptr && orders_.next(now) == nullptr;
 }
 
 void PayloadCycle::hand_back(const std::string& detail, MonotonicTime now) {
@@ -249,6 +257,8 @@ PayloadActions PayloadCycle::on_answer(const wire::PeripheralResponse& answer, M
     on_woken(std::get<wire::WakeUpResponse>(answer.body), now);
   } else if (step_ == Step::commanding && std::holds_alternative<wire::CommandResponse>(answer.body)) {
     on_command_answer(std::get<wire::CommandResponse>(answer.body), now);
+  } else if (step_ == Step::ordering && std::holds_alternative<wire::CommandResponse>(answer.body)) {
+    on_order_answer(std::get<wire::CommandResponse>(answer.body), now);
   } else if (step_ == Step::resetting && std::holds_alternative<wire::ResetResponse>(answer.body)) {
     on_reset_answered(now);
   } else {
@@ -260,6 +270,7 @@ PayloadActions PayloadCycle::on_answer(const wire::PeripheralResponse& answer, M
 void PayloadCycle::on_woken(const wire::WakeUpResponse& answer, MonotonicTime now) {
   if (silent_in_a_row_ >= silent_slots_to_report) {
     act(PayloadEvent{.kind = PayloadEvent::Kind::peripheral_back, .number = silent_in_a_row_});
+    orders_.on_peripheral_restarted(now);  // it may have been
   }
   silent_in_a_row_ = 0;
   if (answer.status == wire::PeripheralStatus::booting) {
@@ -273,8 +284,13 @@ void PayloadCycle::on_woken(const wire::WakeUpResponse& answer, MonotonicTime no
 
 void PayloadCycle::run_next_command(MonotonicTime now) {
   const StoredTelecommand* telecommand = journal_.next(now);
-  if (telecommand == nullptr || !time_for_request(now)) {
+  const StandingOrder* order = telecommand == nullptr ? orders_.next(now) : nullptr;
+  if ((telecommand == nullptr && order == nullptr) || !time_for_request(now)) {
     drain(now);
+    return;
+  }
+  if (order != nullptr) {
+    send_order(*order, now);
     return;
   }
   if (telecommand->repeat == RepeatClass::at_most_once) {
@@ -320,6 +336,38 @@ void PayloadCycle::on_command_answer(const wire::CommandResponse& answer, Monoto
   run_next_command(now);
 }
 
+/// Its id is none that the peripheral remembers: it is to be carried out again, not to be known.
+void PayloadCycle::send_order(const StandingOrder& order, MonotonicTime now) {
+  constexpr std::uint32_t orders = 0x8000'0000;
+  constexpr unsigned microsecond_bits = 10;
+  const auto clock = static_cast<std::uint32_t>(now.ns() >> microsecond_bits);
+  order_id_ = order_id_ == 0 ? clock | orders : (order_id_ + 1) | orders;
+  step_ = Step::ordering;
+  orders_changed_ = false;
+  deadline_ = answer_deadline(now);
+  act(SendRequest{wire::CommandRequest{order_id_, order.function, order.arguments}});
+}
+
+void PayloadCycle::on_order_answer(const wire::CommandResponse& answer, MonotonicTime now) {
+  if (answer.telecommand_id != order_id_) {
+    on_no_answer(RequestFailure::garbage, "answer to another order", now);
+    return;
+  }
+  const StandingOrder* order = orders_changed_ ? nullptr : orders_.next(now);
+  if (order == nullptr) {  // of the mode before
+    run_next_command(now);
+    return;
+  }
+  if (const FailureCode why = failure_of(answer.result); why == mission::failure::none) {
+    act(CommandDone{PeripheralFunction{order->function, order->arguments}});
+    orders_.on_done(now);
+  } else {
+    act(OrderRefused{order->text, why});
+    orders_.on_refused(now);
+  }
+  run_next_command(now);
+}
+
 void PayloadCycle::end_command(FailureCode outcome) {
   if (outcome == mission::failure::none) {
     ++statistics_.telecommands_executed;
@@ -343,6 +391,7 @@ void PayloadCycle::send_reset(bool ordered, const std::string& reason, Monotonic
 
 void PayloadCycle::on_reset_answered(MonotonicTime now) {
   act(PayloadEvent{.kind = PayloadEvent::Kind::peripheral_reset, .text = reset_reason_});
+  orders_.on_peripheral_restarted(now);
   if (reset_ordered_) {
     fail_slot(reset_reason_, now);
     return;
@@ -373,7 +422,8 @@ PayloadActions PayloadCycle::on_peripheral_reset(GrantId grant, const std::strin
 
 PayloadActions PayloadCycle::on_request_failed(RequestFailure why, const std::string& detail,
                                                MonotonicTime now) {
-  if (step_ == Step::waking || step_ == Step::commanding || step_ == Step::resetting)
+  if (step_ == Step::waking || step_ == Step::commanding || step_ == Step::ordering ||
+      step_ == Step::resetting)
     on_no_answer(why, detail, now);
   return finish();
 }
@@ -399,7 +449,7 @@ void PayloadCycle::on_no_answer(RequestFailure why, const std::string& detail, M
     } else {
       end_command(code);
     }
-  } else if (why != RequestFailure::not_sent) {
+  } else if (step_ == Step::waking && why != RequestFailure::not_sent) {
     count_silence(detail);
   }
   fail_slot(detail, now);
@@ -519,6 +569,9 @@ PayloadActions PayloadCycle::on_deadline(MonotonicTime now) {
     case Step::commanding:
       on_no_answer(RequestFailure::silent, "no answer to a telecommand", now);
       break;
+    case Step::ordering:
+      on_no_answer(RequestFailure::silent, "no answer to an order of the mode", now);
+      break;
     case Step::resetting:
       on_no_answer(RequestFailure::silent, fmt::format("{}; no answer to the reset", reset_reason_), now);
       break;
@@ -624,6 +677,7 @@ void PayloadCycle::on_switched_on(bool ok, MonotonicTime now) {
   // lives.
   if (!ok) power_deadline_ = now + settings_.power_retry;
   if (ok) babble_.on_switched_on(now);
+  if (ok && power_ == Power::switching_on) orders_.on_peripheral_restarted(now);
   if (power_ != Power::switching_on) return;
   if (ok && !power_reason_.empty()) {
     act(PayloadEvent{.kind = PayloadEvent::Kind::peripheral_power_cycled, .text = power_reason_});

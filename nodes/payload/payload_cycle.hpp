@@ -16,6 +16,7 @@
 #include "base/result.hpp"
 #include "base/time.hpp"
 #include "nodes/payload/babble_monitor.hpp"
+#include "nodes/payload/standing_orders.hpp"
 #include "suite/commanding/telecommand_journal.hpp"
 #include "wire/peripheral_protocol.hpp"
 
@@ -71,6 +72,15 @@ struct SlotStatistics {
   nanoseconds used_total{0};     ///< grant to release, all slots that were begun
   nanoseconds granted_total{0};  ///< allotted time of all flags
   nanoseconds longest_used{0};
+};
+
+/// Every standing order was answered for the first time since set_orders().
+struct OrdersObeyed {
+  std::uint8_t done = 0;  ///< that the peripheral carried out
+};
+struct OrderRefused {
+  std::string order;
+  FailureCode why = mission::failure::none;
 };
 
 /// Values of srfs_msgs/PayloadActivity: the paper's four states (section VI.B).
@@ -145,9 +155,10 @@ struct PayloadEvent {
   FailureCode code = mission::failure::none;
 };
 
-using PayloadAction = std::variant<PublishStatus, OpenBus, CloseBus, SendRequest, AbortRequest, AwaitQuiet,
-                                   ProcessMeasurement, CommandDone, WriteTelecommands, SwitchPower,
-                                   WithdrawFrames, RememberKeptOff, PayloadEvent, StageReport, Activity>;
+using PayloadAction =
+    std::variant<PublishStatus, OpenBus, CloseBus, SendRequest, AbortRequest, AwaitQuiet, ProcessMeasurement,
+                 CommandDone, WriteTelecommands, SwitchPower, WithdrawFrames, RememberKeptOff, PayloadEvent,
+                 OrdersObeyed, OrderRefused, StageReport, Activity>;
 using PayloadActions = std::vector<PayloadAction>;
 
 /// Why a request got no usable answer.
@@ -168,6 +179,10 @@ class PayloadCycle {
 
   /// An earlier process of this node kept the peripheral off. Before activate().
   void restore_kept_off() { kept_off_ = true; }
+
+  /// What the mode holds the peripheral to. They go out behind the telecommands.
+  PayloadActions set_orders(std::vector<StandingOrder> once, std::vector<StandingOrder> hold,
+                            nanoseconds repeat, MonotonicTime now);
 
   PayloadActions activate(MonotonicTime now);
   /// Ends a running slot: nothing more is sent, the bus is released as soon as the last own frame has left.
@@ -223,6 +238,7 @@ class PayloadCycle {
     waking,      ///< wake-up sent
     storing,     ///< an at-most-once command waits for the record of its start
     commanding,  ///< command sent
+    ordering,    ///< order of the mode sent
     resetting,   ///< reset request sent
     draining,    ///< waits for the echo of the last own frame
   };
@@ -254,6 +270,8 @@ class PayloadCycle {
   void run_next_command(MonotonicTime now);
   void execute(const StoredTelecommand& telecommand, MonotonicTime now);
   void on_command_answer(const wire::CommandResponse& answer, MonotonicTime now);
+  void send_order(const StandingOrder& order, MonotonicTime now);
+  void on_order_answer(const wire::CommandResponse& answer, MonotonicTime now);
   void end_command(FailureCode outcome);
   void retry_command(FailureCode why);
   void send_reset(bool ordered, const std::string& reason, MonotonicTime now);
@@ -280,6 +298,9 @@ class PayloadCycle {
   PayloadSettings settings_;
   CommandDecoder decode_;
   TelecommandJournal journal_;
+  StandingOrders orders_;
+  std::uint32_t order_id_ = 0;   ///< of the last one sent
+  bool orders_changed_ = false;  ///< since then
   PayloadActions actions_;
 
   bool active_ = false;

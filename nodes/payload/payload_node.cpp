@@ -2,11 +2,14 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "nodes/payload/payload_node.hpp"
 
+#include <malloc.h>
 #include <sys/epoll.h>
 
 #include <algorithm>
+#include <charconv>
 #include <thread>
 
+#include "base/excerpt.hpp"
 #include "base/file.hpp"
 #include "base/saturate.hpp"
 #include "base/text.hpp"
@@ -22,6 +25,7 @@ using ros::CallbackReturn;
 
 constexpr std::size_t longest_detail = 120;  // bound of BusStatus.detail
 constexpr nanoseconds counters_period = seconds(5);
+constexpr nanoseconds orders_retry_period = seconds(5);
 constexpr int frames_per_turn = 128;  // the rest of a flood waits for other input
 // Where the interface does not report it (docs/reference/icd_can.md).
 constexpr std::uint32_t usual_bit_rate = 500'000;
@@ -134,6 +138,7 @@ CallbackReturn PayloadNode::on_configure() {
         milliseconds(get_parameter<std::int64_t>("sensor_input_period_ms")), [this] { read_inputs(); },
         "inputs");
   }
+  hold_to_mode();
   return CallbackReturn::success;
 }
 
@@ -188,6 +193,10 @@ void PayloadNode::restore() {
       },
       std::move(journal));
   if (std::filesystem::exists(kept_off_mark())) cycle_->restore_kept_off();
+  once_done_.reset();
+  std::uint32_t change = 0;
+  const std::string done = read_file(once_done_file(), 32).value_or("");
+  if (std::from_chars(done.data(), done.data() + done.size(), change).ec == std::errc{}) once_done_ = change;
 }
 
 void PayloadNode::open_topics() {
@@ -209,6 +218,111 @@ void PayloadNode::open_topics() {
   });
   telecommands_ = create_subscription(suite::topics::telecommand,
                                       [this](const srfs_msgs::msg::Telecommand& m) { on_telecommand(m); });
+}
+
+// ---------------------------------------------------------------- mode
+
+std::filesystem::path PayloadNode::once_done_file() const {
+  return state_dir() / "mode_orders_done";
+}
+
+void PayloadNode::on_mode_changed() {
+  // What this node did by itself, the next mode puts right, though it is no other one.
+  if (mode_in_force()->by_itself) remember_once_done(std::nullopt);
+  hold_to_mode();
+}
+
+void PayloadNode::hold_to_mode() {
+  if (!cycle_ || !mode_in_force()) return;
+  const suite::ModeReaction reaction = mode_reaction();
+  if (mode_orders_ || (reaction.hold.empty() && reaction.once.empty())) {
+    give_orders();
+  } else {
+    resolve_mode_orders();
+  }
+}
+
+void PayloadNode::resolve_mode_orders() {
+  if (resolving_orders_) return;
+  const auto decode = [profile = profile_.get()](std::uint16_t function, OctetView arguments) {
+    return profile->decode_command(function, arguments);
+  };
+  std::vector<mission::Fragment> fragments;
+  for (const suite::AddedNode& added : deployment().added) {
+    if (added.name == name()) fragments.push_back({added.name, added.dictionary});
+  }
+  resolving_orders_ = process_worker_->ask(
+      [decode, fragments, settings = deployment().modes, node = name()] {
+        try {
+          const auto dictionary = mission::Dictionary::load(mission::Dictionary::default_folder(), fragments);
+          return resolve_orders(dictionary, settings, node, decode);
+        } catch (const ConfigError& error) {
+          ModeOrders none;
+          none.problems.push_back({suite::ModeSettings::safe, "", error.what()});
+          return none;
+        }
+      },
+      [this](const ModeOrders& orders) {
+        resolving_orders_ = false;
+        if (orders.modes.empty()) {  // the disk may be repaired meanwhile
+          log::error(
+              "the mission dictionary cannot be read, so the mode's orders are not given; tried again: {}",
+              orders.problems.front().why);
+          orders_retry_ = create_one_shot(
+              monotonic_now() + orders_retry_period, [this] { hold_to_mode(); }, "orders of the mode");
+          return;
+        }
+        mode_orders_ = orders;
+        malloc_trim(0);  // the dictionary took more than what is kept of it
+        for (const ModeOrders::Problem& problem : orders.problems)
+          log::error("mode {}: order '{}' is left out, correct the deployment: {}", problem.mode,
+                     problem.order, problem.why);
+        hold_to_mode();
+      });
+}
+
+void PayloadNode::give_orders() {
+  const suite::ModeInForce& mode = *mode_in_force();
+  ModeOrders::OfMode orders;
+  if (mode_orders_) orders = mode_orders_->modes[mode.name];
+  if (mode.by_itself || mode.change == 0 || once_done_ == mode.change) orders.once.clear();
+  run(cycle_->set_orders(std::move(orders.once), std::move(orders.hold), deployment().modes.repeat,
+                         monotonic_now()));
+}
+
+void PayloadNode::remember_once_done(std::optional<std::uint32_t> change) {
+  if (change == once_done_) return;
+  once_done_ = change;
+  if (!store_worker_) return;
+  (void)store_worker_->post([file = once_done_file(), change] {
+    const auto written =
+        change ? write_file_atomically(file, std::to_string(*change) + '\n') : remove_durably(file);
+    if (!written) log::error("{}", written.error().message);
+  });
+}
+
+void PayloadNode::carry_out(const OrdersObeyed& action) {
+  if (!mode_in_force()) return;
+  if (!mode_in_force()->by_itself) remember_once_done(mode_in_force()->change);
+  if (mode_orders_) {
+    for (const ModeOrders::Problem& problem : mode_orders_->problems) {
+      if (problem.mode == mode_in_force()->name) raise_order_failed(problem.order, problem.why);
+    }
+  }
+  report_mode_obeyed(action.done);
+}
+
+void PayloadNode::carry_out(const OrderRefused& action) {
+  log::warn("order of the mode '{}': {}", action.order, mission::failure_text(action.why));
+  raise_order_failed(action.order, std::string(mission::failure_text(action.why)));
+}
+
+void PayloadNode::raise_order_failed(const std::string& order, const std::string& why) {
+  mission::NodeModeOrderFailedEvent event;
+  event.mode = static_cast<mission::MissionMode>(mode_in_force() ? mode_in_force()->number : 0);
+  event.order = order;
+  event.reason = excerpt(why, 60);
+  raise(event);
 }
 
 std::filesystem::path PayloadNode::kept_off_mark() const {
@@ -248,6 +362,8 @@ void PayloadNode::close() {
   if (store_worker_) store_worker_->drain();
   if (gpio_worker_) gpio_worker_->drain();
   process_worker_.reset();
+  resolving_orders_ = false;
+  orders_retry_.reset();
   store_worker_.reset();
   gpio_worker_.reset();
   timer_.reset();  // what the workers had finished may have set it again

@@ -11,6 +11,7 @@
 #include "hw/can_bus.hpp"
 #include "hw/gpio.hpp"
 #include "nodes/payload/flag_check.hpp"
+#include "nodes/payload/mode_orders.hpp"
 #include "nodes/payload/payload_cycle.hpp"
 #include "nodes/payload/payload_profile.hpp"
 #include "nodes/payload/peripheral_link.hpp"
@@ -29,6 +30,7 @@ class PayloadNode : public suite::Node {
   /// The cycle's deadline that has passed: a slot to begin or to end, an answer to give up.
   [[nodiscard]] suite::WorkStatus work_status() const override;
   [[nodiscard]] std::optional<suite::WorkStructure> work_structure() const override;
+  void on_mode_changed() override;
 
  protected:
   ros::CallbackReturn on_configure() override;
@@ -46,6 +48,14 @@ class PayloadNode : public suite::Node {
   bool open_devices();
   void open_topics();
   void restore();
+  // The mode's orders for the peripheral. The dictionary is read on a worker, when the first are needed.
+  void hold_to_mode();
+  void resolve_mode_orders();
+  void give_orders();
+  [[nodiscard]] std::filesystem::path once_done_file() const;
+  void raise_order_failed(const std::string& order, const std::string& why);
+  /// Number of the change of mode whose orders that count once are done.
+  void remember_once_done(std::optional<std::uint32_t> change);
   /// A file that is there while the peripheral is kept off.
   [[nodiscard]] std::filesystem::path kept_off_mark() const;
   void close();
@@ -76,6 +86,8 @@ class PayloadNode : public suite::Node {
   void carry_out(const WithdrawFrames& action);
   void carry_out(const RememberKeptOff& action);
   void carry_out(const PayloadEvent& action);
+  void carry_out(const OrdersObeyed& action);
+  void carry_out(const OrderRefused& action);
   void carry_out(const StageReport& action);
   void carry_out(const Activity& action);
   void write_journal();
@@ -108,6 +120,10 @@ class PayloadNode : public suite::Node {
 
   std::optional<PayloadCycle> cycle_;
   std::unique_ptr<PeripheralLink> link_;
+  std::optional<ModeOrders> mode_orders_;
+  bool resolving_orders_ = false;
+  ros::Timer orders_retry_;
+  std::optional<std::uint32_t> once_done_;
   suite::MissionTime time_;
   ActionQueue<PayloadAction> actions_;
   ros::Timer timer_;

@@ -38,11 +38,13 @@ bool StoredState::ran_before(const std::filesystem::path& stores) const {
 
 ModeManager StoredState::load_mode(MissionMode initial, bool ran) const {
   const std::filesystem::path file = folder_ / "mode";
-  const auto stored = read_file(file, 256);
+  const auto stored = read_file(file, 512);
   const StoredModeState state = stored ? StoredModeState::present
                                 : ran  ? StoredModeState::missing
                                        : StoredModeState::first_start;
-  ModeManager manager(state, stored.value_or(""), initial);
+  // Of what is lost nothing is known but that it counted from 0, one in a second at most.
+  const auto lost_change = static_cast<std::uint32_t>(system_utc_now().ns() / 1'000'000'000);
+  ModeManager manager(state, stored.value_or(""), initial, lost_change);
   if (const auto written = write_file_atomically(file, manager.stored_text()); !written) {
     log::error("the mode is not durable: {}", written.error().message);
   }

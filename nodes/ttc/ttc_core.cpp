@@ -18,7 +18,19 @@ constexpr std::uint8_t verification_service = 1;
 /// Control commands need no key: what they change is written no more often than this.
 constexpr seconds flags_period{1};
 constexpr milliseconds schedule_retry_period{50};  ///< what is due and not released waits for room
+ModeWhy no_telecommand() {
+  return {.cause = ModeCause::command_loss, .reason = "no telecommand came"};
+}
+
 constexpr const char* journal_name = "journal of telecommands";
+
+std::vector<std::string> asked_nodes(const suite::ModeSettings& modes) {
+  std::set<std::string> nodes;
+  for (const auto& [mode, rows] : modes.table) {
+    for (const auto& [node, reaction] : rows) nodes.insert(node);
+  }
+  return {nodes.begin(), nodes.end()};
+}
 
 AvailableKeySets key_sets_of(const UplinkConfig& config) {
   AvailableKeySets sets;
@@ -37,6 +49,8 @@ TtcCore::TtcCore(Setup setup)
       node_(std::move(setup.node)),
       journal_(std::move(setup.journal)),
       mode_(std::move(setup.mode)),
+      causes_(dictionary_, setup.modes, setup.begun),
+      obedience_(dictionary_, asked_nodes(setup.modes)),
       transmitter_(std::move(setup.transmitter)),
       command_loss_(std::move(setup.command_loss)),
       hazards_(setup.arm_window),
@@ -44,7 +58,7 @@ TtcCore::TtcCore(Setup setup)
       forwarder_(report_queue_),
       housekeeping_(report_queue_),
       events_(report_queue_),
-      mode_service_(mode_, hazards_, report_queue_),
+      mode_service_(mode_, hazards_, report_queue_, &causes_),
       arming_(dictionary_, mode_, hazards_, report_queue_),
       key_service_(key_sets_, report_queue_),
       transmitter_service_(transmitter_, report_queue_),
@@ -108,6 +122,9 @@ void TtcCore::restore(MonotonicTime now) {
 void TtcCore::activate(MonotonicTime now) {
   now_ = now;
   publish_mode();
+  on_mode_changed();
+  for (const std::string& problem : causes_.problems())
+    log(LogLine::Level::error, problem + ": correct the deployment");
   if (!journal_damage_.empty()) {
     mission::TtcJournalDamagedEvent event;
     event.skipped = as_u32(journal_damaged_octets_);
@@ -122,7 +139,8 @@ void TtcCore::activate(MonotonicTime now) {
   if (floor_wanted_ == FloorWanted::counters_lost) report_counters(0, "any is taken until the time is valid");
   report_keys_at_start();
   report_damaged_tables();
-  if (command_loss_.lost() && mode_.mode() != MissionMode::safe) enter_safe_mode();
+  if (command_loss_.lost() && mode_.mode() != MissionMode::safe)
+    change_mode(MissionMode::safe, no_telecommand());
 }
 
 void TtcCore::flush_journal(MonotonicTime now) {
@@ -138,6 +156,7 @@ void TtcCore::flush_journal(MonotonicTime now) {
 TtcCore::Actions TtcCore::settle(MonotonicTime now) {
   now_ = now;
   run_command_loss();
+  run_mode_causes();
   run_schedule();
   run_monitoring();
   run_event_actions();
@@ -176,6 +195,7 @@ std::optional<MonotonicTime> TtcCore::next_due(MonotonicTime now) const {
   if (transmitter_.may_transmit(now)) sooner(downlink_.next_due(now));
   sooner(transmitter_.next_due(now));
   sooner(command_loss_.next_due(now));
+  sooner(causes_.next_due(now));
   sooner(forwarder_.next_due());
   sooner(gate_.next_due());
   sooner(hazards_.next_due());
@@ -541,17 +561,39 @@ void TtcCore::run_command_loss() {
   log(LogLine::Level::warn, fmt::format("no telecommand for {} s: step {} of the command-loss timer, {}",
                                         event.silent_s, step->number, to_text(step->what)));
   StateChange then;
-  if (step->what == CommandLossStep::safe_mode) enter_safe_mode();
+  if (step->what == CommandLossStep::safe_mode) change_mode(MissionMode::safe, no_telecommand());
   if (step->what == CommandLossStep::line) act(ReopenLine{});
   if (step->what == CommandLossStep::keys) fall_back_keys();
   if (step->what == CommandLossStep::restart) then = RestartWanted{};
   act(WriteState{"command_loss", command_loss_.stored_text(now_), then});
 }
 
-void TtcCore::enter_safe_mode() {
-  if (mode_.mode() != MissionMode::safe) hazards_.disarm(mission::DisarmReason::mode_changed);
-  std::string text = mode_.change(MissionMode::safe, "no telecommand came");
+// ---- mode
+
+std::optional<UtcTime> TtcCore::valid_utc() const {
+  return clock_.valid() ? std::optional(clock_.utc_at(now_)) : std::nullopt;
+}
+
+void TtcCore::run_mode_causes() {
+  mode_service_.set_utc(valid_utc());
+  auto change = causes_.take_change(mode_, now_);
+  if (!change) return;
+  log(LogLine::Level::warn,
+      fmt::format("mode {} now: {}", causes_.name_of(change->mode), change->why.reason));
+  change_mode(change->mode, std::move(change->why));
+}
+
+void TtcCore::on_mode_changed() {
+  budget_.set_rate(reaction().downlink_octets_s, now_);
+  act(FollowMode{});
+  send_health(now_);
+}
+
+void TtcCore::change_mode(MissionMode mode, ModeWhy why) {
+  if (mode_.mode() != mode) hazards_.disarm(mission::DisarmReason::mode_changed);
+  std::string text = mode_.change(mode, std::move(why), valid_utc());
   publish_mode();
+  on_mode_changed();
   mission::TtcModeChangedEvent event;
   event.mode = mode_.mode();
   event.reason = mode_.reason();
@@ -602,7 +644,7 @@ ImagingTime TtcCore::imaging_time(MonotonicTime now) const {
 }
 
 void TtcCore::begin_imaging_tasks() {
-  imaging_.on_time(imaging_time(now_), mode_.mode() == MissionMode::nominal);
+  imaging_.on_time(imaging_time(now_), mode_.mode() == MissionMode::nominal && reaction().work);
   for (const ImagingScheduler::Failure& failure : imaging_.take_failures()) {
     mission::ImageTaskFailedEvent event;
     event.task = failure.task;
@@ -660,13 +702,14 @@ void TtcCore::on_state_written(const StateChange& change, bool stored) {
 }
 
 void TtcCore::publish_mode() {
-  act(PublishMode{mode_.mode(), mode_.reason()});
+  act(PublishMode{mode_.mode(), causes_.name_of(mode_.mode()), mode_.change_count(), mode_.reason()});
 }
 
 void TtcCore::store_mode_change() {
   auto change = mode_service_.take_change();
   if (!change) return;
   publish_mode();
+  on_mode_changed();
   mission::TtcModeChangedEvent event;
   event.mode = change->mode;
   event.reason = mode_.reason();

@@ -26,16 +26,19 @@
 #include "nodes/ttc/files/file_service.hpp"
 #include "nodes/ttc/imaging/image_outbox.hpp"
 #include "nodes/ttc/imaging/imaging_scheduler.hpp"
+#include "nodes/ttc/link/downlink_budget.hpp"
 #include "nodes/ttc/link/downlink_scheduler.hpp"
 #include "nodes/ttc/link/frame_count_file.hpp"
 #include "nodes/ttc/link/packet_maker.hpp"
 #include "nodes/ttc/link/uplink_chain.hpp"
 #include "nodes/ttc/report/beacon_builder.hpp"
 #include "nodes/ttc/report/event_reporter.hpp"
+#include "nodes/ttc/report/mode_obedience.hpp"
 #include "nodes/ttc/services/command_loss_timer.hpp"
 #include "nodes/ttc/services/connection_tester.hpp"
 #include "nodes/ttc/services/event_action_service.hpp"
 #include "nodes/ttc/services/housekeeping_scheduler.hpp"
+#include "nodes/ttc/services/mode_causes.hpp"
 #include "nodes/ttc/services/monitoring_service.hpp"
 #include "nodes/ttc/services/own_functions.hpp"
 #include "nodes/ttc/services/parameter_service.hpp"
@@ -102,8 +105,12 @@ struct PublishTelecommand {
 };
 struct PublishMode {
   MissionMode mode = MissionMode::safe;
+  std::string name;
+  std::uint32_t change = 0;
   std::string reason;
 };
+/// The mode is another one: periods that it sets begin anew.
+struct FollowMode {};
 /// On the topic of events, where the other nodes hear it and this one too.
 struct RaiseEvent {
   mission::EventSeverity severity = mission::EventSeverity::info;
@@ -150,7 +157,7 @@ struct LogLine {
 
 using TtcAction =
     std::variant<WriteJournal, WriteState, WriteKeys, WriteTable, CopyLinkState, ForgetWantedFloor,
-                 CommitStores, ReadStore, PublishTelecommand, PublishMode, RaiseEvent, TestConnection,
+                 CommitStores, ReadStore, PublishTelecommand, PublishMode, FollowMode, RaiseEvent, TestConnection,
                  CallParameter, ServeFile, TakeFilesTurn, ServeImaging, ServeImages, ReopenLine,
                  RestartComputer, AcceptanceSent, LogLine>;
 
@@ -216,6 +223,8 @@ class TtcCore {
     std::vector<KeyNews> key_news{};  ///< of the start
     Remembered remembered{};
     ImageLane lane{};
+    suite::ModeSettings modes{};
+    MonotonicTime begun{};
   };
   explicit TtcCore(Setup setup);
   TtcCore(const TtcCore&) = delete;
@@ -297,6 +306,15 @@ class TtcCore {
   /// settle() has something to decide.
   [[nodiscard]] bool has_waiting_actions() const { return event_actions_.waiting() > 0; }
   void set_repeat_window(milliseconds window) { journal_.set_repeat_window(window); }
+  // ---- mode
+  void set_ignored_causes(std::vector<std::string> names) { causes_.set_ignored(std::move(names)); }
+  void on_node_state(const std::string& node, bool active, MonotonicTime now) {
+    causes_.on_node(node, active, now);
+  }
+  /// What the mode asks of ttc itself.
+  [[nodiscard]] suite::ModeReaction reaction() const { return causes_.reaction(mode_.mode(), node_); }
+  /// One report of mode, why, and what comes next.
+  void send_health(MonotonicTime now);
   void set_command_loss(seconds patience) { command_loss_.set_patience(patience); }
 
   // ---- periodic
@@ -383,7 +401,12 @@ class TtcCore {
   // Command loss
   void on_contact();
   void run_command_loss();
-  void enter_safe_mode();
+  /// A change of mode by no telecommand.
+  void change_mode(MissionMode mode, ModeWhy why);
+  void run_mode_causes();
+  void on_mode_changed();
+  [[nodiscard]] std::optional<UtcTime> valid_utc() const;
+  [[nodiscard]] std::optional<std::uint32_t> mode_since_s() const;
   void fall_back_keys();
   // Services
   void serve_files();
@@ -435,6 +458,8 @@ class TtcCore {
   AcceptanceJournal journal_;
   ReportQueue report_queue_;
   ModeManager mode_;
+  ModeCauses causes_;
+  ModeObedience obedience_;
   TransmitterSwitch transmitter_;
   CommandLossTimer command_loss_;
   HazardGuard hazards_;
@@ -461,6 +486,7 @@ class TtcCore {
   UplinkChain uplink_;
   PersistenceGate gate_;
   DownlinkScheduler downlink_;
+  DownlinkBudget budget_;
   FileExchange files_;
   BeaconBuilder beacon_;
   PacketMaker packets_;

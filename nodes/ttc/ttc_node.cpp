@@ -169,9 +169,15 @@ void TtcNode::carry_out(const PublishTelecommand& action) {
 void TtcNode::carry_out(const PublishMode& action) {
   srfs_msgs::msg::SystemMode message;
   message.mode = static_cast<std::uint8_t>(action.mode);
+  message.name = action.name;
+  message.change = action.change;
   message.reason = action.reason;
   message.monotonic_ns = static_cast<std::uint64_t>(now().ns());
   mode_publisher_->publish(message);
+}
+
+void TtcNode::carry_out(const FollowMode& /*action*/) {
+  if (is_active()) start_periods();
 }
 
 void TtcNode::carry_out(const RaiseEvent& action) {
@@ -343,6 +349,7 @@ void TtcNode::look_at_nodes() {
         for (const auto& [node, known] : facts) {
           beacon.on_facts(node, node == name() ? NodeFacts{true, known.restarts, suite::version()} : known);
           added_.on_facts(node, known);
+          if (!known.running && node != name()) core_->on_node_state(node, false, now());
         }
         beacon.on_lifecycle(name(), static_cast<std::uint8_t>(state()));
         for (const std::string& node : beacon.nodes_to_ask()) ask_for_state(node);
@@ -357,11 +364,16 @@ void TtcNode::ask_for_state(const std::string& node) {
   state_clients_[node] = client;
   client->call({}, seconds(2), 1, [this, node](const auto& response) {
     if (response) {
-      core_->beacon().on_lifecycle(node, response->current_state.id);
+      on_node_state(node, response->current_state.id);
       added_.on_lifecycle(node, response->current_state.id);
     }
     answered_.push_back(node);  // a client cannot be dropped within its own callback
   });
+}
+
+void TtcNode::on_node_state(const std::string& node, std::uint8_t state) {
+  core_->beacon().on_lifecycle(node, state);
+  core_->on_node_state(node, state == static_cast<std::uint8_t>(ros::State::active), now());
 }
 
 // ---- added nodes

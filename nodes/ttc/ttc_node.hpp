@@ -34,6 +34,8 @@ class TtcNode : public suite::Node {
  public:
   explicit TtcNode(suite::NodeContext& context);
   void on_deployment_changed() override;
+  /// It says which mode it is.
+  [[nodiscard]] bool follows_mode() const override { return false; }
 
  protected:
   ros::CallbackReturn on_configure() override;
@@ -69,11 +71,13 @@ class TtcNode : public suite::Node {
   void send_own_housekeeping();
   void send_beacon();
   void look_at_nodes();
+  void on_node_state(const std::string& node, std::uint8_t state);
   void ask_for_state(const std::string& node);
 
   // What is neither for the disk nor a goal
   void carry_out(const PublishTelecommand& action);
   void carry_out(const PublishMode& action);
+  void carry_out(const FollowMode& action);
   void carry_out(const RaiseEvent& action);
   void carry_out(const TestConnection& action);
   void carry_out(const CallParameter& action);

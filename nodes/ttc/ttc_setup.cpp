@@ -210,6 +210,8 @@ TtcNode::TtcNode(suite::NodeContext& context) : Node(context), added_(list_of(de
                     "The same packet on a secured channel within this time is a repeat");
   declare_parameter("command_loss_s", std::int64_t{259'200}, ros::ParameterRange{4, 2'592'000},
                     "Time without an authenticated telecommand after which the command-loss timer acts");
+  declare_parameter("ignored_causes", std::vector<std::string>{},
+                    "Causes of the deployment's modes that change nothing");
   declare_parameter("schedule_late_max_ms", std::int64_t{60000}, ros::ParameterRange{1000, 86'400'000},
                     "A scheduled activity that is later than this is dropped", true);
   declare_parameter("uplink_quota_mib", std::int64_t{256}, ros::ParameterRange{1, 1024},
@@ -219,6 +221,8 @@ TtcNode::TtcNode(suite::NodeContext& context) : Node(context), added_(list_of(de
   on_parameter_change([this](const std::string& parameter) {
     if (parameter == "repeat_window_ms" && core_)
       core_->set_repeat_window(milliseconds(get_parameter<std::int64_t>(parameter)));
+    if (parameter == "ignored_causes" && core_)
+      core_->set_ignored_causes(get_parameter<std::vector<std::string>>(parameter));
     if (parameter == "command_loss_s" && core_) {
       core_->set_command_loss(seconds(get_parameter<std::int64_t>(parameter)));
       advance();  // the next step may be due sooner
@@ -257,7 +261,9 @@ TtcCore::Setup TtcNode::read_setup(StoredState& state, const FrameCountFile& fra
       .arm_window = parameter("arm_window_ms"),
       .key_news = std::move(key_news),
       .remembered = remembered_,
-      .lane = image_lane()};
+      .lane = image_lane(),
+      .modes = deployment().modes,
+      .begun = monotonic_now()};
   state.load_journal(setup, ran, next_telecommand_id_, system_utc_now(), monotonic_now());
   return setup;
 }
@@ -302,6 +308,7 @@ ros::CallbackReturn TtcNode::on_configure() {
   TtcCore::Setup setup = read_setup(*parts.state, parts.frame_counts, std::move(*channels), *downlink);
   setup.unusable_keys = std::move(unusable_keys);
   core_ = std::make_unique<TtcCore>(std::move(setup));
+  core_->set_ignored_causes(get_parameter<std::vector<std::string>>("ignored_causes"));
   added_.fill(*core_);
   disk_ = std::make_unique<TtcDisk>(
       std::move(parts),
@@ -351,7 +358,7 @@ std::vector<std::shared_ptr<void>> TtcNode::listen_to(const std::string& node) {
                               }),
           create_subscription(ros::Topic<TransitionEvent>{"/" + node + "/transition_event", {}},
                               [this, node](const TransitionEvent& m) {
-                                core_->beacon().on_lifecycle(node, m.goal_state.id);
+                                on_node_state(node, m.goal_state.id);
                                 added_.on_lifecycle(node, m.goal_state.id);
                               })};
 }
@@ -371,7 +378,8 @@ void TtcNode::start_periods() {
       milliseconds(get_parameter<std::int64_t>("housekeeping_period_ms")),
       [this] { send_own_housekeeping(); }, "housekeeping");
   beacon_timer_ = create_timer(
-      milliseconds(get_parameter<std::int64_t>("beacon_period_ms")), [this] { send_beacon(); }, "beacon");
+      core_->reaction().beacon_period.value_or(milliseconds(get_parameter<std::int64_t>("beacon_period_ms"))),
+      [this] { send_beacon(); }, "beacon");
 }
 
 ros::CallbackReturn TtcNode::on_activate() {
@@ -388,6 +396,7 @@ ros::CallbackReturn TtcNode::on_activate() {
   };
   every(seconds(1), "commit stores", [this] { core_->commit_stores(outgoing_.empty(), monotonic_now()); });
   every(ModeManager::publish_period, "mode", [this] { core_->publish_mode(); });
+  every(seconds(30), "health", [this] { core_->send_health(now()); });
   every(seconds(30), "files housekeeping", [this] { core_->send_files_housekeeping(now()); });
   every(seconds(30), "schedule housekeeping", [this] { core_->send_schedule_housekeeping(now()); });
   every(seconds(30), "imaging housekeeping", [this] { core_->send_imaging_housekeeping(now()); });

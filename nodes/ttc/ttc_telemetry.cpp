@@ -5,6 +5,7 @@
 #include <array>
 #include <numeric>
 
+#include "base/excerpt.hpp"
 #include "base/saturate.hpp"
 #include "nodes/ttc/ttc_core.hpp"
 
@@ -16,6 +17,7 @@ constexpr std::size_t max_items_to_store = 4096;
 constexpr int patience_commits = 10;  ///< a commit that misses so many of its seconds is a failing disk
 constexpr const char* stores_name = "packet stores";
 constexpr std::uint8_t function_service = 8;
+constexpr std::size_t most_health_text = 80;
 
 }  // namespace
 
@@ -173,9 +175,10 @@ void TtcCore::feed_playback() {
     send_behind_ends(event);
   }
   persist_journal();
-  const std::size_t room = downlink_.room_octets(DownlinkChannel::playback);
+  const std::size_t room = budget_.room(downlink_.room_octets(DownlinkChannel::playback), now_);
   if (const auto batch = retrieval_.next_batch(room))
     act(ReadStore{.batch = *batch, .open_retrieval = false, .items = std::exchange(to_store_, {})});
+  if (!reaction().open_retrieval) return;
   if (const auto batch = stores_.next_batch(room))
     act(ReadStore{.batch = *batch, .open_retrieval = true, .items = std::exchange(to_store_, {})});
 }
@@ -191,7 +194,10 @@ void TtcCore::on_store_read(const ReadStore& read, std::optional<RetrievedPacket
   } else {
     retrieval_.fail(read.batch.request);
   }
-  for (Octets& packet : to_send) downlink_.push(DownlinkChannel::playback, std::move(packet), false, now);
+  for (Octets& packet : to_send) {
+    budget_.spend(packet.size());
+    downlink_.push(DownlinkChannel::playback, std::move(packet), false, now);
+  }
   stores_.on_pushed(downlink_.pushed_octets(DownlinkChannel::playback));
 }
 
@@ -204,7 +210,7 @@ void TtcCore::on_read_refused(ReadStore read) {
 
 void TtcCore::fill_files() {
   auto turn = files_.next_turn(
-      downlink_.room_octets(DownlinkChannel::files), now_,
+      budget_.room(downlink_.room_octets(DownlinkChannel::files), now_), now_,
       {.octets = downlink_.field_octets(), .filled = downlink_.begun_octets(DownlinkChannel::files)});
   if (turn) act(TakeFilesTurn{std::move(*turn)});
 }
@@ -213,8 +219,10 @@ void TtcCore::on_files_turn(Result<cfdp::TransferTurnResult, std::string>& resul
   now_ = now;
   note_storage(remembered_.files_work, result.has_value(), result ? "" : result.error(), "files");
   if (!result) return files_.on_turn_refused(now);
-  for (Octets& packet : files_.on_turn(*result))
+  for (Octets& packet : files_.on_turn(*result)) {
+    budget_.spend(packet.size());
     downlink_.push(DownlinkChannel::files, std::move(packet), false, now);
+  }
   for (const cfdp::News& news : result->news) tell_of_file(news);
   const cfdp::Counters& c = result->counters;
   files_status_.transactions = static_cast<std::uint8_t>(result->transactions);
@@ -377,6 +385,8 @@ bool TtcCore::on_telemetry(const std::string& node, std::uint16_t apid, std::uin
   const auto report = housekeeping_.on_sample(apid, structure_id, data, now);
   if (!report) return false;
   beacon_.on_telemetry(node, structure_id, data, now);
+  causes_.on_telemetry(structure_id, data, now);
+  obedience_.on_telemetry(node, structure_id, data);
   boot_ = beacon_.boot().value_or(boot_);
   send(*report);
   monitor(structure_id, data);
@@ -391,6 +401,7 @@ bool TtcCore::on_event(const std::string& node, std::uint16_t event_id, std::uin
   if (source != nullptr && events_.knows(event_id)) event_actions_.on_event(source->apid, event_id, now);
   const auto report =
       events_.on_event(source != nullptr ? source->apid : std::uint16_t{1}, event_id, severity, data, now);
+  obedience_.on_event(node, event_id, data);
   if (report) send(*report);
   return report.has_value();
 }
@@ -556,6 +567,38 @@ void TtcCore::send_imaging_housekeeping(MonotonicTime now) {
   send_housekeeping(imaging_.housekeeping(), now);
 }
 
+// ---- mode
+
+std::optional<std::uint32_t> TtcCore::mode_since_s() const {
+  const auto utc = valid_utc();
+  if (!utc || !mode_.since() || *utc < *mode_.since()) return std::nullopt;
+  return as_u32(static_cast<std::uint64_t>((*utc - *mode_.since()) / seconds(1)));
+}
+
+void TtcCore::send_health(MonotonicTime now) {
+  now_ = now;
+  mission::HealthHousekeeping h;
+  h.mode = mode_.mode();
+  h.cause = mode_.why().cause;
+  h.reason = mode_.reason();
+  if (mode_.since()) h.since = to_tai(*mode_.since());
+  h.change = mode_.change_count();
+  h.commanded = mode_.commanded();
+  const auto obeys = obedience_.of(mode_.change_count(), node_);
+  h.node_obeys.resize(std::min<std::size_t>(obeys.size(), mission::most_nodes));
+  std::copy_n(obeys.begin(), h.node_obeys.size(), h.node_obeys.begin());
+  const auto shed = causes_.settings().shed.find(causes_.name_of(mode_.mode()));
+  if (shed != causes_.settings().shed.end()) h.shed = shed->second;
+  h.present = excerpt(causes_.present_text(), most_health_text);
+  h.next = excerpt(causes_.way_back(mode_), most_health_text);
+  if (h.next.empty()) {
+    const auto next_s = as_u32(static_cast<std::uint64_t>(command_loss_.until_next(now) / seconds(1)));
+    h.next = fmt::format("command loss: {}", to_text(command_loss_.next_step()));
+    h.next_in_s = next_s;
+  }
+  send_housekeeping(h, now);
+}
+
 // ---- beacon
 
 void TtcCore::fill_next_scheduled(BeaconInputs& inputs) const {
@@ -577,6 +620,11 @@ void TtcCore::send_beacon(std::uint8_t farm_channel, MonotonicTime now) {
   in.boot = boot_;
   in.mode = mode_.mode();
   in.mode_reason = mode_.reason();
+  in.mode_since_s = mode_since_s();
+  const auto obeys = obedience_.of(mode_.change_count(), node_);
+  in.mode_pending =
+      static_cast<std::uint8_t>(std::count(obeys.begin(), obeys.end(), mission::ModeObedience::pending));
+  in.mode_causes = causes_.present_bits();
   in.time_valid = clock_.valid();
   in.storage_free_mib = store_status_.free_mib;
   for (const auto& [id, store] : store_status_.stores) in.store_records += as_u32(store.records);

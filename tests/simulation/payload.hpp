@@ -71,6 +71,8 @@ class Payload final : public Program {
   void carry_out(const AwaitQuiet& action);
   void carry_out(const ProcessMeasurement& action);
   void carry_out(const CommandDone& action);
+  void carry_out(const OrdersObeyed& /*action*/) {}
+  void carry_out(const OrderRefused& /*action*/) {}
   void carry_out(const WriteTelecommands& action);
   void carry_out(const SwitchPower& action);
   void carry_out(const WithdrawFrames& action);

@@ -82,6 +82,7 @@ class Ttc final : public Program {
   void carry_out(const ReadStore& action);
   void carry_out(const PublishTelecommand& action);
   void carry_out(const PublishMode& action);
+  void carry_out(const FollowMode& /*action*/) {}
   void carry_out(const RaiseEvent& action);
   void carry_out(const TestConnection& action);
   void carry_out(const CallParameter& action);

@@ -16,6 +16,7 @@
 #include "suite/ring/fault.hpp"
 #include "suite/ring/fault_ledger.hpp"
 #include "suite/ring/restart_policy.hpp"
+#include "update/version_table.hpp"
 
 namespace srfs::suite {
 

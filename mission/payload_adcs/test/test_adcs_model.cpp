@@ -41,7 +41,7 @@ TEST_F(AdcsModelTest, FindsNoSunInEclipse) {
 }
 
 TEST_F(AdcsModelTest, RefusesArgumentsThatAreWrong) {
-  EXPECT_EQ(model.execute(1, Octets{3}), PeripheralResult::bad_argument);
+  EXPECT_EQ(model.execute(1, Octets{4}), PeripheralResult::bad_argument);
   EXPECT_EQ(model.execute(1, Octets{}), PeripheralResult::bad_argument);
   EXPECT_EQ(model.execute(2, with_f32({}, {0, 0, 0, 0})), PeripheralResult::bad_argument);
   EXPECT_EQ(model.execute(9, Octets{}), PeripheralResult::unknown_function);

@@ -48,6 +48,7 @@ class World {
     scheduler_.on_cancel(goal);
     soon_ = true;
   }
+  void rest(bool rests) { carry_out_all(scheduler_.rest(rests)); }
   void deactivate() { carry_out_all(scheduler_.deactivate("the node was deactivated")); }
   void activate() { carry_out_all(scheduler_.activate(now)); }
 
@@ -284,6 +285,25 @@ TEST(CaptureSchedulerTest, TheEarliestTaskIsTheFirst) {
   EXPECT_TRUE(world.ends.contains(early));
   world.run();
   EXPECT_FALSE(world.end_of(late).failure);
+}
+
+TEST(CaptureSchedulerTest, InAModeThatAllowsNoneTasksEndInOrderAndNoneBegins) {
+  World world;
+  const CaptureGoal running = world.ask(1, 100);
+  const CaptureGoal waiting = world.ask(2);
+  ASSERT_TRUE(world.run_until([&] { return world.log.size() > 6; }));
+  world.rest(true);
+  world.run();
+  ASSERT_TRUE(world.ends.contains(running) && world.ends.contains(waiting));
+  EXPECT_EQ(world.end_of(running).failure->code, mission::failure::wrong_mode);
+  EXPECT_EQ(world.end_of(waiting).failure->code, mission::failure::wrong_mode);
+  EXPECT_LT(world.end_of(running).files.size(), 100U);
+  const CaptureGoal refused = world.ask(3);
+  EXPECT_EQ(world.refused[refused].code, mission::failure::wrong_mode);
+  world.rest(false);
+  const CaptureGoal later = world.ask(4);
+  world.run();
+  EXPECT_FALSE(world.end_of(later).failure);
 }
 
 TEST(CaptureSchedulerTest, ATaskWithATimeWaitsUntilMissionTimeIsValid) {

@@ -73,6 +73,7 @@ class World {
   }
   void cancel() { apply(transaction_->cancel()); }
   void stop() { transaction_->stop(); }
+  void rest() { apply(transaction_->rest(true)); }
 
   /// Lets one thing happen. @return false: nothing is left to happen
   bool step() {
@@ -443,6 +444,30 @@ TEST(UpdateTransactionTest, a_cancelled_one_ends_as_cancelled_and_only_while_the
     }
   }
   EXPECT_GT(cancelled, 50);
+}
+
+TEST(UpdateTransactionTest, in_a_mode_that_allows_none_nothing_begins_and_what_has_not_begun_to_swap_ends) {
+  for (std::uint32_t seed = 0; seed < 200; ++seed) {
+    World world({}, seed);
+    world.begin();
+    for (std::uint32_t i = 0; i < seed % 30; ++i) (void)world.step();
+    const bool swaps = world.transaction().update().step >= update::UpdateStep::swap;
+    world.rest();
+    while (world.step()) {
+    }
+    const auto& update = world.transaction().update();
+    if (swaps) {
+      EXPECT_EQ(update.step, update::UpdateStep::installed) << seed;
+    } else if (update.step != update::UpdateStep::installed) {
+      EXPECT_EQ(update.step, update::UpdateStep::cancelled) << seed;
+      EXPECT_EQ(update.reason, "not in this mode") << seed;
+    }
+  }
+  UpdateTransaction transaction({}, "maintenance");
+  EXPECT_TRUE(transaction.rest(true).empty());
+  const auto actions = transaction.install(file, true);
+  ASSERT_EQ(actions.size(), 1U);
+  EXPECT_EQ(std::get<AnswerTelecommand>(actions.front()).code, mission::failure::wrong_mode);
 }
 
 TEST(UpdateTransactionTest, one_package_at_a_time_and_the_same_again_is_no_failure) {

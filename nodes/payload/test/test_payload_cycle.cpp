@@ -750,5 +750,71 @@ TEST_F(PayloadCycleTest, WaitsForAPeripheralThatBoots) {
   EXPECT_EQ(find<ProcessMeasurement>(actions), nullptr);
 }
 
+// ---------------------------------------------------------------- orders of the mode
+
+const wire::CommandRequest* sent_command(const PayloadActions& actions) {
+  const SendRequest* send = find<SendRequest>(actions);
+  return send == nullptr ? nullptr : std::get_if<wire::CommandRequest>(&send->body);
+}
+
+TEST_F(PayloadCycleTest, OrdersOfTheModeGoOutBehindTheTelecommandsInOneSlot) {
+  store(7);
+  cycle.set_orders({}, {{2, {5}, "two"}, {3, {6}, "three"}}, seconds(10), now);
+  grant();
+  const wire::CommandRequest* telecommand = sent_command(wake());
+  ASSERT_NE(telecommand, nullptr);
+  PayloadActions actions = command_answer(7);
+  const wire::CommandRequest* first = sent_command(actions);
+  ASSERT_NE(first, nullptr);
+  EXPECT_EQ(first->function, 2);
+  EXPECT_EQ(first->arguments, Octets{5});
+  EXPECT_GE(first->telecommand_id, 0x8000'0000U);
+  actions = command_answer(first->telecommand_id);
+  const wire::CommandRequest* second = sent_command(actions);
+  ASSERT_NE(second, nullptr);
+  EXPECT_EQ(second->function, 3);
+  actions = command_answer(second->telecommand_id);
+  ASSERT_NE(find<OrdersObeyed>(actions), nullptr);
+  EXPECT_EQ(find<OrdersObeyed>(actions)->done, 2);
+  EXPECT_NE(find<AwaitQuiet>(actions), nullptr);
+  quiet();
+  grant();
+  EXPECT_EQ(sent_command(wake()), nullptr);  // not before the repeat time
+}
+
+TEST_F(PayloadCycleTest, AnOrderWithoutAnAnswerComesAgainInTheNextSlotUnderAnotherId) {
+  cycle.set_orders({}, {{2, {}, "two"}}, seconds(10), now);
+  grant();
+  const std::uint32_t id = sent_command(wake())->telecommand_id;
+  pass(milliseconds(25));
+  EXPECT_EQ(find<PublishStatus>(quiet())->kind, Kind::failed);
+  grant();
+  const PayloadActions actions = wake();
+  ASSERT_NE(sent_command(actions), nullptr);
+  EXPECT_NE(sent_command(actions)->telecommand_id, id);
+}
+
+TEST_F(PayloadCycleTest, AnOrderThatThePeripheralRefusesIsReportedAndTheNextGoesOut) {
+  cycle.set_orders({}, {{2, {}, "two"}, {3, {}, "three"}}, seconds(10), now);
+  grant();
+  const std::uint32_t id = sent_command(wake())->telecommand_id;
+  const PayloadActions actions = command_answer(id, wire::PeripheralResult::bad_argument);
+  ASSERT_NE(find<OrderRefused>(actions), nullptr);
+  EXPECT_EQ(find<OrderRefused>(actions)->order, "two");
+  EXPECT_EQ(find<OrderRefused>(actions)->why, mission::failure::peripheral_bad_argument);
+  EXPECT_EQ(sent_command(actions)->function, 3);
+}
+
+TEST_F(PayloadCycleTest, AnAnswerToAnOrderOfTheModeBeforeCountsForNoneOfThisOne) {
+  cycle.set_orders({}, {{2, {}, "two"}}, seconds(10), now);
+  grant();
+  const std::uint32_t id = sent_command(wake())->telecommand_id;
+  cycle.set_orders({}, {{3, {}, "three"}}, seconds(10), now);
+  const PayloadActions actions = command_answer(id);
+  EXPECT_EQ(find<OrdersObeyed>(actions), nullptr);
+  ASSERT_NE(sent_command(actions), nullptr);
+  EXPECT_EQ(sent_command(actions)->function, 3);
+}
+
 }  // namespace
 }  // namespace srfs

@@ -62,6 +62,10 @@ class World {
         }
         break;
       default:
+        if (chance(40)) {
+          take(cycle_.set_orders({}, {StandingOrder{9, {}, "order"}, StandingOrder{8, {}, "order"}},
+                                 milliseconds(500), now_));
+        }
         if (chance(80)) {
           active_ = !active_;
           take(active_ ? cycle_.activate(now_) : cycle_.deactivate(now_));
@@ -212,6 +216,8 @@ class World {
   void check(const ProcessMeasurement& /*process*/) { ++processing_; }
   void check(const CommandDone& /*done*/) {}
   void check(const WriteTelecommands& write) { journal_wanted_ = write.revision; }
+  void check(const OrdersObeyed& /*obeyed*/) {}
+  void check(const OrderRefused& /*refused*/) {}
   void check(const SwitchPower& power) {
     ASSERT_FALSE(power.on && kept_off_) << "a peripheral that is kept off was switched on";
     switching_.push_back(power.on);

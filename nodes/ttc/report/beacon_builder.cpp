@@ -129,6 +129,9 @@ Octets BeaconBuilder::build(const BeaconInputs& inputs, MonotonicTime now) const
   beacon.reset_cause = boot.cause;
   beacon.mode = inputs.mode;
   beacon.mode_reason = inputs.mode_reason;
+  beacon.mode_since_s = inputs.mode_since_s.value_or(UINT32_MAX);
+  beacon.mode_pending = inputs.mode_pending;
+  beacon.mode_causes = inputs.mode_causes;
   beacon.time_valid = inputs.time_valid;
   beacon.node_state.resize(nodes_.size());
   beacon.node_restarts.resize(nodes_.size());

@@ -38,6 +38,9 @@ struct BeaconInputs {
   BootTold boot;  ///< used until timing has reported it
   MissionMode mode = MissionMode::safe;
   std::string mode_reason;
+  std::optional<std::uint32_t> mode_since_s;
+  std::uint8_t mode_pending = 0;
+  std::uint8_t mode_causes = 0;
   bool time_valid = false;
   std::uint32_t storage_free_mib = 0;
   mission::StorageState storage_state = mission::StorageState::works;

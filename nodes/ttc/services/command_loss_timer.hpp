@@ -61,6 +61,7 @@ class CommandLossTimer {
   [[nodiscard]] MonotonicTime next_due(MonotonicTime now) const {
     return std::min(now + until_next(now), next_save_);
   }
+  [[nodiscard]] CommandLossStep next_step() const;
   /// Between two steps: an hour, less when the patience is short.
   [[nodiscard]] seconds step_period() const {
     return std::clamp<seconds>(patience_ / 4, seconds(1), std::chrono::hours(1));
@@ -72,7 +73,6 @@ class CommandLossTimer {
 
  private:
   [[nodiscard]] nanoseconds silent(MonotonicTime now) const { return before_ + (now - begun_); }
-  [[nodiscard]] CommandLossStep next_step() const;
   [[nodiscard]] nanoseconds next_step_at() const;  ///< as a time of silence
   void plan_save(MonotonicTime now);
 

@@ -15,23 +15,34 @@ namespace srfs {
 std::optional<MissionMode> ModeService::mode_of(const Telecommand& telecommand) {
   if (telecommand.command->name != mission::TtcSetMode::name || telecommand.arguments.empty())
     return std::nullopt;
-  return telecommand.arguments.front() == static_cast<std::uint8_t>(MissionMode::nominal)
-             ? MissionMode::nominal
-             : MissionMode::safe;
+  return static_cast<MissionMode>(telecommand.arguments.front());  // the dictionary has checked it
 }
 
 bool ModeService::provides(const mission::Command& command) const {
   return command.name == mission::TtcSetMode::name;
 }
 
+std::optional<Refusal> ModeService::why_refused(const Telecommand& telecommand) const {
+  const auto mode = mode_of(telecommand);
+  const auto why = mode && causes_ != nullptr ? causes_->why_not(*mode) : std::nullopt;
+  if (!why) return std::nullopt;
+  return Refusal{.code = why->first, .parameter = why->second};
+}
+
 void ModeService::execute(const Telecommand& telecommand, MonotonicTime /*now*/) {
+  if (const auto refusal = why_refused(telecommand)) {  // the cause came meanwhile
+    report_queue().failure(telecommand.origin, Stage::start, refusal->code, refusal->parameter);
+    return;
+  }
   if (!start(telecommand.origin)) return;
   const MissionMode mode = mode_of(telecommand).value_or(MissionMode::safe);
   if (mode != mode_.mode()) hazards_.disarm(mission::DisarmReason::mode_changed);
   const bool by_event = telecommand.origin.source_id == EventActionService::on_board_source;
+  ModeWhy why{.reason = "commanded"};
+  if (by_event) why = {.cause = ModeCause::on_board, .reason = "event-action"};
   set_change({.origin = telecommand.origin,
               .mode = mode,
-              .stored_text = mode_.change(mode, by_event ? "event-action" : "commanded")});
+              .stored_text = mode_.change(mode, std::move(why), utc_)});
 }
 
 // ---- arming

@@ -11,6 +11,7 @@
 #include "nodes/ttc/command/hazard_guard.hpp"
 #include "nodes/ttc/link/key_selection.hpp"
 #include "nodes/ttc/link/transmitter_switch.hpp"
+#include "nodes/ttc/services/mode_causes.hpp"
 #include "nodes/ttc/services/mode_manager.hpp"
 #include "nodes/ttc/services/pus_service.hpp"
 
@@ -26,17 +27,24 @@ struct ModeChange {
 /// ttc.set_mode. All parts outlive it, as those of the classes below.
 class ModeService final : public StoredChangeService<ModeChange> {
  public:
-  ModeService(ModeManager& mode, HazardGuard& hazards, ReportQueue& report_queue)
-      : StoredChangeService(report_queue), mode_(mode), hazards_(hazards) {}
+  /// @param causes  may forbid a mode; nullptr: none does
+  ModeService(ModeManager& mode, HazardGuard& hazards, ReportQueue& report_queue,
+              const ModeCauses* causes = nullptr)
+      : StoredChangeService(report_queue), mode_(mode), hazards_(hazards), causes_(causes) {}
+  /// Of what begins now; nullopt: not valid.
+  void set_utc(std::optional<UtcTime> utc) { utc_ = utc; }
   /// The mode that @p telecommand orders; nullopt: it is another one.
   [[nodiscard]] static std::optional<MissionMode> mode_of(const Telecommand& telecommand);
 
   [[nodiscard]] bool provides(const mission::Command& command) const override;
+  [[nodiscard]] std::optional<Refusal> why_refused(const Telecommand& telecommand) const override;
   void execute(const Telecommand& telecommand, MonotonicTime now) override;
 
  private:
   ModeManager& mode_;
   HazardGuard& hazards_;
+  const ModeCauses* causes_;
+  std::optional<UtcTime> utc_;
 };
 
 /// ttc.arm and ttc.disarm.

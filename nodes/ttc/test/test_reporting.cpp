@@ -146,7 +146,7 @@ TEST(ModeKeeping, MissingOrDamagedMeansSafe) {
 
 TEST(ModeKeeping, AStoredChangeComesBack) {
   ModeManager manager(StoredModeState::first_start, "", MissionMode::safe);
-  const std::string stored = manager.change(MissionMode::nominal, "commanded");
+  const std::string stored = manager.change(MissionMode::nominal, {.reason = "commanded"});
   EXPECT_EQ(manager.reason(), "commanded");
 
   EXPECT_EQ(ModeManager(StoredModeState::present, stored, MissionMode::safe).mode(), MissionMode::nominal);

@@ -82,7 +82,7 @@ TEST_F(StoredStates, TheSecondHomeOfTheLinkStateHasTheCountersOfALostJournal) {
 
 TEST_F(StoredStates, AModeThatIsMissingIsSafe) {
   auto setup = start();
-  ASSERT_TRUE(state_->write("mode", setup.mode.change(MissionMode::nominal, "commanded")));
+  ASSERT_TRUE(state_->write("mode", setup.mode.change(MissionMode::nominal, {.reason = "commanded"})));
   EXPECT_EQ(start().mode.mode(), MissionMode::nominal);
   LinkState link;
   link.generation = 1;

@@ -62,7 +62,7 @@ TEST(GeneratedStructures, KeepTheBeaconWithinTwoHundredOctets) {
 
   ASSERT_TRUE(read);
   EXPECT_EQ(octets.size(), Beacon::max_size);
-  EXPECT_EQ(read->mode_reason, std::string(60, 'x'));
+  EXPECT_EQ(read->mode_reason, std::string(54, 'x'));
   EXPECT_NEAR(read->battery_voltage_v, 7.412F, 0.0006F);
   EXPECT_FLOAT_EQ(read->battery_charge, 71.5F);
   EXPECT_TRUE(std::isnan(read->temperature_min_k));

@@ -1032,6 +1032,8 @@ class World {
   }
   void carry_out(std::uint8_t /*who*/, const RememberKeptOff& /*remember*/) {}
   void carry_out(std::uint8_t /*who*/, const CommandDone& /*done*/) {}
+  void carry_out(std::uint8_t /*who*/, const OrdersObeyed& /*obeyed*/) {}
+  void carry_out(std::uint8_t /*who*/, const OrderRefused& /*refused*/) {}
   void carry_out(std::uint8_t /*who*/, const PayloadEvent& /*event*/) {}
   void carry_out(std::uint8_t /*who*/, Activity /*activity*/) {}
 
