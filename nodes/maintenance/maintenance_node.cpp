@@ -29,7 +29,7 @@ constexpr auto answer_deadline = seconds(2);
 constexpr auto save_deadline = seconds(4);
 constexpr int save_attempts = 2;  // a repeat names its first attempt: done once
 constexpr std::size_t longest_reason = 150;
-constexpr auto set_aside_report_delay = seconds(10);  // ttc has to be there, and to have discovered this node
+constexpr auto set_aside_report_period = seconds(10);  // ttc may come late, or be the one that fails
 
 }  // namespace
 
@@ -53,13 +53,15 @@ CallbackReturn MaintenanceNode::on_activate() {
   return CallbackReturn::success;
 }
 
-/// Reported twice rather than never: the note goes after the event.
+/// Reported twice rather than never: the note goes after the event, and the event waits for ttc.
 void MaintenanceNode::report_set_aside() {
-  set_aside_report_ = create_one_shot(
-      monotonic_now() + set_aside_report_delay,
+  set_aside_report_ = create_timer(
+      set_aside_report_period,
       [this] {
+        if (!is_heard_by_ttc()) return;
         (void)worker_->ask([paths = var()] { return suite::read_set_aside_note(paths); },
                            [this](const std::optional<suite::SetAsideNote>& note) {
+                             set_aside_report_.reset();
                              if (!note) return;
                              mission::MaintenanceOrdersSetAsideEvent event;
                              event.starts = note->starts;

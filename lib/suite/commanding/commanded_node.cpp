@@ -107,9 +107,13 @@ void CommandedNode::on_written(std::uint64_t revision, bool ok) {
   if (!ok) awaits_record_ = false;
 }
 
+bool CommandedNode::is_heard_by_ttc() const {
+  return reports_ && telecommands_ && reports_->is_heard_by_a_publisher_of(*telecommands_);
+}
+
 void CommandedNode::flush_reports() {
   // ttc publishes the telecommands; a recorder that listens to the reports keeps none of them for it.
-  if (!reports_ || !telecommands_ || !reports_->is_heard_by_a_publisher_of(*telecommands_)) return;
+  if (!is_heard_by_ttc()) return;
   while (const auto report = unheard_.pop()) reports_->publish(*report);
 }
 

@@ -33,6 +33,8 @@ class CommandedNode : public suite::Node {
   /// Executes one that passed check(). It ends with a call of finished(), now or later.
   virtual void execute(const StoredTelecommand& telecommand) = 0;
   void finished(FailureCode outcome);
+  /// Its discovery of this node is complete: what is published now reaches it.
+  [[nodiscard]] bool is_heard_by_ttc() const;
 
  private:
   void on_telecommand(const srfs_msgs::msg::Telecommand& message);
