@@ -20,6 +20,40 @@ struct Star {
   double fwhm_px;  ///< as the pixels show it
 };
 
+/// V_T, one standard deviation.
+struct Magnitude {
+  double value;
+  double sigma;
+};
+
+/// A place on the sky, J2000, with its covariance.
+struct SkyPlace {
+  double ra_deg;
+  double dec_deg;
+  double sigma_east_arcsec;
+  double sigma_north_arcsec;
+  double correlation;
+};
+
+/// Where an object was in the middle of an exposure.
+struct SkyPoint {
+  SkyPlace place;
+  std::optional<double> begin_s;  ///< of the exposure, seconds since 1970
+  std::optional<double> exposure_s;
+  std::optional<Magnitude> magnitude;
+};
+
+/// Where an object was during an exposure.
+struct SkyTrail {
+  SkyPlace first;
+  SkyPlace last;
+  SkyPlace middle;
+  bool is_directed = false;  ///< it was at `first` at the begin; else perhaps at `last`
+  std::optional<double> begin_s;
+  std::optional<double> exposure_s;
+  std::optional<Magnitude> magnitude;
+};
+
 /// Ends of the middle line of a moving object's light.
 struct Streak {
   double x1;
@@ -29,6 +63,7 @@ struct Streak {
   double snr;       ///< of all its light over the noise of the sky in a matched filter
   double flux;      ///< ADU above the sky
   double width_px;  ///< FWHM across
+  std::optional<SkyTrail> sky = std::nullopt;
 
   [[nodiscard]] double length_px() const { return std::hypot(x2 - x1, y2 - y1); }
 };

@@ -103,6 +103,7 @@ struct Frame {
   float step = 0;
   /// When its exposure began, on any scale of seconds; nothing when the file does not say.
   std::optional<double> time_s;
+  std::optional<double> exposure_s;
   /// Pixels from here on are saturated; without it the detector looks for a plateau.
   std::optional<float> saturation_adu;
 };

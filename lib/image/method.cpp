@@ -12,6 +12,7 @@
 #include "base/text.hpp"
 #include "image/picture.hpp"
 #include "image/plate_solver.hpp"
+#include "image/sky_measurement.hpp"
 #include "image/star_trails.hpp"
 #include "image/streak_finder.hpp"
 
@@ -42,12 +43,41 @@ constexpr std::array star_centroid_parameters{
     stars_max,
 };
 
+constexpr ParameterSpec on_the_sky{
+    "sky", 0, 0, 1, "1: also right ascension, declination, time and magnitude, by the frame's own stars"};
+
+/// Measures frames against the sky, where that is asked for.
+class SkySearch {
+ public:
+  explicit SkySearch(const Parameters& parameters) {
+    if (parameters["sky"] != 0) solver_.emplace();
+  }
+  /// @param findings  gets the attitude, or why there is none
+  [[nodiscard]] std::optional<SkyMeasurement> look(const Frame& frame, const std::vector<Star>& stars,
+                                                   FrameFindings& findings) {
+    if (!solver_) return std::nullopt;
+    const int width = frame.pixels.width();
+    const int height = frame.pixels.height();
+    auto solution = solver_->solve(stars, width, height, {});
+    if (!solution) {
+      findings.notes.push_back(solver_->why_unsolved(stars, width, height, {}));
+      return std::nullopt;
+    }
+    findings.attitude = solution->attitude;
+    return SkyMeasurement(*std::move(solution), stars, frame);
+  }
+
+ private:
+  std::optional<FieldSolver> solver_;
+};
+
 class StreakSearch final : public Method {
  public:
   explicit StreakSearch(const Parameters& parameters)
       : options_{parameters["threshold"], parameters["min_length"], parameters["caution"]},
         with_stars_(parameters["stars"] != 0),
-        with_trails_(parameters["trails"] != 0) {}
+        with_trails_(parameters["trails"] != 0),
+        sky_(parameters) {}
 
   Result<FrameFindings, Refusal> process(const Frame& frame) override {
     FrameFindings findings;
@@ -55,6 +85,9 @@ class StreakSearch final : public Method {
     StarField field = find_stars(clean, {.stars_max = std::numeric_limits<int>::max(), .close_ones = false});
     findings.streaks = find_streaks(clean, field, options_);
     if (!with_trails_) drop_star_trails(field.stars.size(), findings);
+    if (const auto sky = sky_.look(frame, field.stars, findings)) {
+      for (Streak& s : findings.streaks) s.sky = sky->of(s);
+    }
     if (with_stars_) findings.stars = std::move(field.stars);
     return findings;
   }
@@ -76,6 +109,7 @@ class StreakSearch final : public Method {
   StreakOptions options_;
   bool with_stars_;
   bool with_trails_;
+  SkySearch sky_;
 };
 
 constexpr std::array streak_parameters{
@@ -84,6 +118,7 @@ constexpr std::array streak_parameters{
     ParameterSpec{"caution", 8, -100, 1000, "chi-squared margin by which a short streak must beat stars"},
     ParameterSpec{"stars", 0, 0, 1, "1: also the stars"},
     ParameterSpec{"trails", 0, 0, 1, "1: also star trails, drawn when the camera turns"},
+    on_the_sky,
 };
 
 /// Moving objects in several frames.
@@ -91,7 +126,8 @@ class TrackletSearch final : public Method {
  public:
   explicit TrackletSearch(const Parameters& parameters)
       : streaks_{parameters["streak_threshold"], parameters["min_length"], parameters["caution"]},
-        links_{static_cast<int>(parameters["hits"]), parameters["threshold"], parameters["max_speed"]} {}
+        links_{static_cast<int>(parameters["hits"]), parameters["threshold"], parameters["max_speed"]},
+        sky_(parameters) {}
 
   Result<FrameFindings, Refusal> process(const Frame& frame) override {
     if (frames_.size() >= frames_most)
@@ -100,6 +136,7 @@ class TrackletSearch final : public Method {
     const CleanFrame clean = clean_frame(frame, findings);
     StarField field =
         find_stars(clean, {.snr_least = faint_least, .stars_max = faint_most, .close_ones = false});
+    measured_.push_back(sky_.look(frame, field.stars, findings));
     FrameDetections of_frame;
     of_frame.stars = field.stars;
     of_frame.streaks = find_streaks(clean, field, streaks_);
@@ -113,7 +150,9 @@ class TrackletSearch final : public Method {
 
   SequenceFindings finish() override {
     SequenceFindings found = link_tracklets(frames_, links_);
+    add_sky(found, measured_);
     frames_.clear();
+    measured_.clear();
     return found;
   }
 
@@ -125,7 +164,9 @@ class TrackletSearch final : public Method {
 
   StreakOptions streaks_;
   LinkOptions links_;
+  SkySearch sky_;
   std::vector<FrameDetections> frames_;
+  std::vector<std::optional<SkyMeasurement>> measured_;  ///< of each frame
 };
 
 constexpr std::array tracklet_parameters{
@@ -139,6 +180,7 @@ constexpr std::array tracklet_parameters{
     ParameterSpec{"min_length", 10, 3, 10000, "least length of a streak, px"},
     ParameterSpec{"caution", -100, -1000, 1000,
                   "chi-squared margin by which a streak must beat stars in one frame"},
+    on_the_sky,
 };
 
 /// The attitude from the stars.

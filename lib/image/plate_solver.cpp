@@ -44,7 +44,6 @@ constexpr double growth = 1.3;  ///< of their number from fit to fit
 constexpr double reach_of_growth =
     0.004;  ///< over half the diagonal: what the lens bends beyond the last fit
 constexpr int best_fits = 4;
-constexpr double place_floor_px = 0.05;  ///< what no light makes a star's place better than
 constexpr double fwhm_per_sigma = 2.3548;
 constexpr double sure_px = 0.3;  ///< rms of a lens that need not be searched again
 /// Parameters of a camera, in stars that are explained by chance at least.
@@ -144,7 +143,8 @@ double log_chance(std::size_t n, std::size_t hits, double p) {
 }  // namespace
 
 double place_sigma_px(const Star& star) {
-  const double by_noise = star.snr > 0 ? star.fwhm_px / (fwhm_per_sigma * star.snr) : 1;
+  // Of a Gaussian in noise of the sky.
+  const double by_noise = star.snr > 0 ? std::numbers::sqrt2 * star.fwhm_px / (fwhm_per_sigma * star.snr) : 1;
   return std::hypot(place_floor_px, by_noise);
 }
 

@@ -41,6 +41,7 @@ struct PlateSolution {
 
 /// How certain the place of a star is, per axis: its light's noise, and what no light makes better.
 [[nodiscard]] double place_sigma_px(const Star& star);
+inline constexpr double place_floor_px = 0.05;  ///< what no light makes a place better than
 
 /// The stars that a solver knows and how far the patterns reach that it compares.
 struct PlateScales {

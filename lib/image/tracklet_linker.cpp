@@ -39,6 +39,7 @@ struct Mover {
   const Streak* streak;
   double angle;  ///< of the streak, among the stars
   bool used = false;
+  const Star* star = nullptr;
 };
 
 struct Track {
@@ -252,7 +253,7 @@ class Linker {
         const auto place = transform(i)(s.x, s.y);
         if (standing(i, place.x, place.y) >= standing_least() || on_detector(i, s.x, s.y) >= standing_least())
           continue;
-        of_frame.push_back({place.x, place.y, static_cast<int>(i), s.snr, s.x, s.y, nullptr, 0});
+        of_frame.push_back({place.x, place.y, static_cast<int>(i), s.snr, s.x, s.y, nullptr, 0, false, &s});
       }
       if (of_frame.size() > movers_most) {
         std::nth_element(of_frame.begin(), of_frame.begin() + movers_most, of_frame.end(),
@@ -473,7 +474,8 @@ class Linker {
     for (const auto& [i, k] : hits) {
       const Mover& m = movers_[i][k];
       t.points.push_back({static_cast<int>(used_[i]), m.frame_x, m.frame_y, m.snr,
-                          m.streak != nullptr ? std::optional(*m.streak) : std::nullopt});
+                          m.streak != nullptr ? std::optional(*m.streak) : std::nullopt,
+                          m.star != nullptr ? m.star->flux : 0, m.star != nullptr ? m.star->fwhm_px : 0});
     }
     found_.tracklets.push_back(std::move(t));
   }

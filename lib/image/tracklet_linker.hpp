@@ -29,6 +29,9 @@ struct TrackPoint {
   double y;
   double snr;
   std::optional<Streak> streak;
+  double flux = 0;
+  double fwhm_px = 0;
+  std::optional<SkyPoint> sky = std::nullopt;
 };
 
 /// A moving object over a sequence: evenly along a straight line.

@@ -4,6 +4,7 @@
 
 #include <time.h>
 
+#include <algorithm>
 #include <chrono>
 #include <cmath>
 #include <cstdio>
@@ -17,12 +18,15 @@
 #include <fmt/format.h>
 #include <CLI/CLI.hpp>
 
+#include "base/file.hpp"
+#include "base/time.hpp"
 #include "base/version.hpp"
 #include "image/file/frame_file.hpp"
 #include "image/method.hpp"
 #include "image/photograph/drawing.hpp"
 #include "image/photograph/photograph.hpp"
 #include "image/product/findings_json.hpp"
+#include "image/product/tracking_message.hpp"
 
 namespace {
 
@@ -97,6 +101,11 @@ void add(Report& report, const SequenceFindings& found) {
     report.frames[static_cast<std::size_t>(found.reference)]["notes"].push_back(note);
 }
 
+std::string on_sky(const Json& place) {
+  return fmt::format("  RA {:.5f}, Dec {:+.5f}", place["ra_deg"].get<double>(),
+                     place["dec_deg"].get<double>());
+}
+
 void print_text(const Report& report) {
   for (std::size_t i = 0; i < report.frames.size(); ++i) {
     const Json& f = report.frames[i];
@@ -113,9 +122,9 @@ void print_text(const Report& report) {
                  a["stars"].get<int>());
     for (const Json& s : report.streaks) {
       if (s["frame"] == i)
-        fmt::print("  streak ({:.2f}, {:.2f}) - ({:.2f}, {:.2f})  snr {:.1f}\n", s["x1"].get<double>(),
+        fmt::print("  streak ({:.2f}, {:.2f}) - ({:.2f}, {:.2f})  snr {:.1f}{}\n", s["x1"].get<double>(),
                    s["y1"].get<double>(), s["x2"].get<double>(), s["y2"].get<double>(),
-                   s["snr"].get<double>());
+                   s["snr"].get<double>(), s.contains("sky") ? on_sky(s["sky"]["middle"]) : "");
     }
     for (const Json& s : report.stars) {
       if (s["frame"] == i)
@@ -132,8 +141,8 @@ void print_tracklets(const Report& report) {
                t["points"].size(), t["x"].get<double>(), t["y"].get<double>(), t["vx"].get<double>(),
                t["vy"].get<double>(), t["snr"].get<double>());
     for (const Json& p : t["points"])
-      fmt::print("  frame {}: ({:.2f}, {:.2f})  snr {:.1f}\n", p["frame"].get<int>(), p["x"].get<double>(),
-                 p["y"].get<double>(), p["snr"].get<double>());
+      fmt::print("  frame {}: ({:.2f}, {:.2f})  snr {:.1f}{}\n", p["frame"].get<int>(), p["x"].get<double>(),
+                 p["y"].get<double>(), p["snr"].get<double>(), p.contains("sky") ? on_sky(p["sky"]) : "");
   }
 }
 
@@ -174,8 +183,70 @@ struct Options {
   std::string folder;  ///< for pictures and cut-outs
   std::string drawing;
   int drawing_width = drawing_width_most;
+  std::string tracking;  ///< file of the tracking data message
+  std::string observer = "SRFS";
   bool json = false;
 };
+
+/// What a tracking data message is made of: tracklets by their points, streaks of single frames by their
+/// middle, where the direction does not matter.
+class Tracked {
+ public:
+  void add(int frame, const std::vector<Streak>& streaks) {
+    for (const Streak& s : streaks) {
+      if (!s.sky) {
+        ++without_angles_;
+        continue;
+      }
+      const auto end = [](const SkyPlace& p) {
+        return fmt::format("RA {:.7f}, Dec {:.7f}", p.ra_deg, p.dec_deg);
+      };
+      objects_.push_back({fmt::format("STREAK_{:03}", objects_.size() + 1),
+                          {fmt::format("frame {}, ends (which was first is not known): {}; {}", frame,
+                                       end(s.sky->first), end(s.sky->last))},
+                          {{s.sky->middle, s.sky->begin_s, s.sky->exposure_s, s.sky->magnitude}}});
+    }
+  }
+  void add(const std::vector<Tracklet>& tracklets) {
+    for (const Tracklet& t : tracklets) {
+      TrackedObject object{fmt::format("TRACK_{:03}", objects_.size() + 1), {}, {}};
+      for (const TrackPoint& p : t.points) {
+        if (p.sky)
+          object.points.push_back(*p.sky);
+        else
+          ++without_angles_;
+      }
+      objects_.push_back(std::move(object));
+    }
+  }
+  [[nodiscard]] srfs::Result<void, Refusal> write(const Options& options) const {
+    const std::string text = tracking_message({srfs::system_utc_now(), "SRFS", options.observer}, objects_);
+    if (text.empty())
+      return srfs::Err(
+          Refusal{fmt::format("{} not written: no object with angles and a time ({} without an attitude; the "
+                              "frames need DATE-OBS)",
+                              options.tracking, without_angles_)});
+    if (without_angles_ > 0)
+      std::fprintf(stderr, "srfs-detect: %zu streaks or points have no angles: no attitude of their frame\n",
+                   without_angles_);
+    const auto written = srfs::write_file_atomically(options.tracking, text);
+    if (!written) return srfs::Err(Refusal{written.error().message});
+    return {};
+  }
+
+ private:
+  std::vector<TrackedObject> objects_;
+  std::size_t without_angles_ = 0;
+};
+
+/// The parameters as given, with what the tracking data message needs.
+std::vector<std::string> parameters_of(const Options& options) {
+  std::vector<std::string> parameters = options.parameters;
+  const bool is_given = std::any_of(parameters.begin(), parameters.end(),
+                                    [](const std::string& p) { return p.starts_with("sky="); });
+  if (!options.tracking.empty() && !is_given) parameters.emplace_back("sky=1");
+  return parameters;
+}
 
 void print(const Report& report, const Options& options) {
   if (options.json) {
@@ -199,10 +270,14 @@ int run(const Options& options) {
   };
   const auto entry = find_method(options.method);
   if (!entry) return refuse(entry.error(), bad_usage);
-  const auto parameters = Parameters::parse((*entry)->parameters, options.parameters);
+  const auto parameters = Parameters::parse((*entry)->parameters, parameters_of(options));
+  if (!options.tracking.empty() && options.method != "streak" && options.method != "tracklet")
+    return refuse(Refusal{fmt::format("--tdm needs --method streak or tracklet, not {}", options.method)},
+                  bad_usage);
   if (!parameters) return refuse(parameters.error(), bad_usage);
   const auto method = (*entry)->make(*parameters);
   Report report;
+  Tracked tracked;
   std::vector<FrameFindings> drawn;  // where something is to be drawn
   for (const std::string& file : options.files) {
     const auto frame = read_frame(file, decode_photograph);
@@ -224,11 +299,16 @@ int run(const Options& options) {
       report.frames.back()["cutout"] = *std::move(cutout);
       found->cutout.reset();
     }
+    tracked.add(static_cast<int>(report.frames.size()) - 1, found->streaks);
     if (!options.drawing.empty()) drawn.push_back(*std::move(found));
   }
   const SequenceFindings sequence = method->finish();
   add(report, sequence);
+  tracked.add(sequence.tracklets);
   print(report, options);
+  if (!options.tracking.empty()) {
+    if (const auto written = tracked.write(options); !written) return refuse(written.error(), file_refused);
+  }
   if (options.drawing.empty()) return done;
   const auto frame =
       read_frame(options.files[static_cast<std::size_t>(sequence.reference)], decode_photograph);
@@ -255,6 +335,11 @@ int main(int argc, char** argv) {
   app.add_option("--draw-width", options.drawing_width,
                  "Width of the drawing, px; at most the frame's (default: the frame's)")
       ->check(CLI::Range(16, drawing_width_most));
+  app.add_option("--tdm", options.tracking,
+                 "File for the angles and magnitudes of streaks or tracklets: CCSDS tracking data message; "
+                 "implies sky=1");
+  app.add_option("--observer", options.observer, "Name of the observing spacecraft or site in it")
+      ->capture_default_str();
   app.add_flag("--json", options.json, "Write one JSON object");
   app.add_option("FILE", options.files, "Frames; several are one sequence, in this order")->required();
   app.set_version_flag("--version", srfs::version());

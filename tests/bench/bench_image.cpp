@@ -16,6 +16,9 @@
 #include <Eigen/Dense>
 #include <nlohmann/json.hpp>
 
+#include "base/file.hpp"
+#include "base/text.hpp"
+#include "image/file/fits.hpp"
 #include "image/file/frame_file.hpp"
 #include "image/star_catalogue.hpp"
 #include "tests/bench/lossless.hpp"
@@ -121,9 +124,12 @@ void write(const Options& o, int number, const SkyScene& scene, const std::vecto
   image::Plane plane(scene.width, scene.height);
   const std::vector<float> adu = render_sky(scene, stars, streaks);
   std::copy(adu.begin(), adu.end(), plane.cells().begin());
+  const std::vector<image::FitsCard> cards{{"DATE-OBS", std::string("2026-11-26T12:00:00")},
+                                           {"EXPTIME", 2.0}};
   const std::string name = fmt::format("{}/{}_{:03}", o.folder, o.set, number);
-  if (const auto written = image::write_fits(name + ".fits", plane); !written)
-    throw std::runtime_error(written.error().reason);
+  if (const auto written = write_file_atomically(name + ".fits", as_text(image::encode_fits(plane, cards)));
+      !written)
+    throw std::runtime_error(written.error().message);
   Json truth = truth_of(scene, stars, streaks);
   if (!attitude.is_null()) truth["attitude"] = attitude;
   std::ofstream(name + ".json") << truth.dump();
@@ -251,10 +257,10 @@ struct Optics {
   double distortion;
 };
 
-/// Set `plate`: 6 to 15 degrees without distortion; set `lens`: 2 to 60 degrees, all widths as likely in
-/// logarithm, up to 5 % of distortion.
+/// Sets `plate` and `passes`: 6 to 15 degrees without distortion; set `lens`: 2 to 60 degrees, all widths as
+/// likely in logarithm, up to 5 % of distortion.
 Optics random_optics(const Options& o, SkyRandom& random) {
-  if (o.set == "plate") return {random.uniform(6, 15), 0};
+  if (o.set != "lens") return {random.uniform(6, 15), 0};
   const double field_deg = 2 * std::pow(30.0, random.uniform());
   return {field_deg, random.uniform(-0.05, 0.05)};
 }
@@ -265,12 +271,12 @@ void make_plate(const Options& o, SkyRandom& random, int number) {
   SkyScene scene = random_scene(o, random);
   scene.fwhm_px = random.uniform(1.4, 3.5);
   const auto [field_deg, distortion] = random_optics(o, random);
-  const double known_to = o.set == "plate" ? 8.5 : image::faintest_of_catalogue;
+  const double known_to = o.set != "lens" ? 8.5 : image::faintest_of_catalogue;
   const double ra_deg = random.uniform(0, 360);
   const double dec_deg = std::asin(random.uniform(-1, 1)) * 180 / std::numbers::pi;
   const double roll_deg = random.uniform(0, 360);
   // Magnitude at SNR 6. A wide lens collects less light.
-  const double faintest = o.set == "plate"
+  const double faintest = o.set != "lens"
                               ? random.uniform(8, 9.5)
                               : random.uniform(10, 11.5) - 2 * std::log(field_deg / 2) / std::log(3.0);
   const double focal_px = o.width / 2.0 / std::tan(field_deg * std::numbers::pi / 360);
@@ -306,8 +312,30 @@ void make_plate(const Options& o, SkyRandom& random, int number) {
     const double share = random.uniform(std::pow(3.0, known_to - faintest - 0.5), 1);
     stars.push_back({x, y, flux(x, y, faintest + 0.5 + std::log(share) / std::log(3.0))});
   }
-  write(o, number, scene, stars, {},
-        {{"ra_deg", ra_deg},
+  std::vector<SkyStreak> streaks;
+  Json ends = Json::array();
+  const auto place = [&](double x, double y) {
+    const Vector3d d =
+        ((x - (o.width - 1) / 2.0) * right + (y - (o.height - 1) / 2.0) * down + focal_px * middle)
+            .normalized();
+    const double turn = std::atan2(d.y(), d.x()) * 180 / std::numbers::pi;
+    return Json{{"ra_deg", turn < 0 ? turn + 360 : turn},
+                {"dec_deg", std::asin(d.z()) * 180 / std::numbers::pi}};
+  };
+  if (o.set == "passes") streaks = random_streaks(scene, random, 5, 20, 200);
+  for (const SkyStreak& s : streaks) {
+    const double zero_flux = flux((s.x1 + s.x2) / 2, (s.y1 + s.y2) / 2, faintest);
+    ends.push_back({{"x1", s.x1},
+                    {"y1", s.y1},
+                    {"x2", s.x2},
+                    {"y2", s.y2},
+                    {"first", place(s.x1, s.y1)},
+                    {"last", place(s.x2, s.y2)},
+                    {"magnitude", faintest - 2.5 * std::log10(s.flux_e / zero_flux)}});
+  }
+  write(o, number, scene, stars, streaks,
+        {{"passes", ends},
+         {"ra_deg", ra_deg},
          {"dec_deg", dec_deg},
          {"roll_deg", roll_deg},
          {"field_deg", field_deg},
@@ -321,7 +349,7 @@ void make(const Options& o) {
     std::puts(bench::measure_lossless(o.width, o.height, o.frames, o.seed).dump().c_str());
     return;
   }
-  if (o.set == "plate" || o.set == "lens") {
+  if (o.set == "plate" || o.set == "lens" || o.set == "passes") {
     for (int i = 0; i < o.frames; ++i) make_plate(o, random, i);
     return;
   }
@@ -347,7 +375,8 @@ int main(int argc, char** argv) {
   Options options;
   app.add_option("FOLDER", options.folder)->required()->check(CLI::ExistingDirectory);
   app.add_option("--set", options.set, "What is in them; lossless: measures how they are packed, writes none")
-      ->check(CLI::IsMember({"stars", "streaks", "short", "empty", "sequence", "plate", "lens", "lossless"}))
+      ->check(CLI::IsMember(
+          {"stars", "streaks", "short", "empty", "sequence", "plate", "lens", "passes", "lossless"}))
       ->capture_default_str();
   app.add_option("--frames", options.frames, "Frames, or sequences of eight")
       ->check(CLI::Range(1, 999))

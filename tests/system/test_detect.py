@@ -4,6 +4,7 @@
 
 import json
 import math
+import re
 import subprocess
 import tempfile
 import unittest
@@ -14,6 +15,37 @@ from support import BIN
 
 def detect(*arguments):
     return subprocess.run([BIN / "srfs-detect", *arguments], stdin=subprocess.DEVNULL, capture_output=True, text=True, timeout=120)
+
+
+TDM_HEADER = re.compile(r"CCSDS_TDM_VERS = 2\.0\nCREATION_DATE = [-0-9T:.]+Z\nORIGINATOR = [ -~]+\n")
+TDM_SEGMENT = re.compile(r"META_START\n((?:[A-Z_0-9]+ = [ -~]+\n)+)META_STOP\nDATA_START\n((?:COMMENT [ -~]+\n)*)((?:[A-Z_0-9]+ = [ -~]+\n)+)DATA_STOP\n")
+TDM_DATA = re.compile(r"(ANGLE_1|ANGLE_2|MAG) = (\d{4}-\d\d-\d\dT\d\d:\d\d:\d\d\.\d+Z) (-?\d+\.\d+)")
+TDM_META = {"TIME_SYSTEM", "START_TIME", "STOP_TIME", "PARTICIPANT_1", "PARTICIPANT_2", "MODE", "PATH", "ANGLE_TYPE", "REFERENCE_FRAME"}
+
+
+def tracking_data(text):
+    """Reads a message of angles by the grammar of CCSDS 503.0-B-2. @return [({metadata}, {keyword: [(time, value)]})]"""
+    header = TDM_HEADER.match(text)
+    assert header, text[:200]
+    assert all(len(line) <= 254 for line in text.splitlines())
+    at, segments = header.end(), []
+    while at < len(text):
+        segment = TDM_SEGMENT.match(text, at)
+        assert segment, text[at:at + 300]
+        at = segment.end()
+        meta = dict(line.split(" = ", 1) for line in segment[1].splitlines())
+        assert set(meta) == TDM_META and meta["TIME_SYSTEM"] == "UTC" and meta["MODE"] == "SEQUENTIAL" and meta["PATH"] == "2,1", meta
+        data = {}
+        for line in segment[3].splitlines():
+            found = TDM_DATA.fullmatch(line)
+            assert found, line
+            data.setdefault(found[1], []).append((found[2], float(found[3])))
+        for rows in data.values():
+            times = [time for time, _ in rows]
+            assert times == sorted(times) and meta["START_TIME"] <= times[0] and times[-1] <= meta["STOP_TIME"], rows
+        assert all(0 <= ra < 360 for _, ra in data["ANGLE_1"]) and all(-90 <= dec <= 90 for _, dec in data["ANGLE_2"])
+        segments.append((meta, data))
+    return segments
 
 
 class DetectProgramTest(unittest.TestCase):
@@ -110,6 +142,43 @@ class DetectProgramTest(unittest.TestCase):
         run = detect("--method", "plate_solve", "--params", "min_field=7", self.frames[0])
         self.assertEqual(run.returncode, 0, run.stderr)
         self.assertIn("field of 7 to 60 degrees (min_field, max_field)", run.stdout)
+
+    def test_writes_measured_angles_as_a_tracking_data_message(self):
+        with tempfile.TemporaryDirectory(prefix="srfs_test_") as folder:
+            made = subprocess.run([BIN / "bench_image", folder, "--set", "passes", "--frames", "1", "--width", "800", "--height", "600", "--seed", "77"],
+                                  capture_output=True, text=True, timeout=120)  # fmt: skip
+            self.assertEqual(made.returncode, 0, made.stderr)
+            frame = Path(folder) / "passes_000.fits"
+            passes = json.loads(frame.with_suffix(".json").read_text())["attitude"]["passes"]
+            tdm = Path(folder) / "passes.tdm"
+            run = detect("--method", "streak", "--tdm", str(tdm), "--observer", "SRFS-1", "--json", str(frame))
+            self.assertEqual(run.returncode, 0, run.stderr)
+
+            streaks = json.loads(run.stdout)["streaks"]
+            segments = tracking_data(tdm.read_text())
+            self.assertEqual(len(segments), len(streaks))
+            self.assertGreaterEqual(len(streaks), 3)
+            for (meta, data), streak in zip(segments, streaks):
+                self.assertEqual((meta["PARTICIPANT_1"], meta["ANGLE_TYPE"], meta["REFERENCE_FRAME"]), ("SRFS-1", "RADEC", "EME2000"))
+                self.assertEqual(set(data), {"ANGLE_1", "ANGLE_2", "MAG"})
+                [(time, ra)], [(_, dec)], [(_, magnitude)] = data["ANGLE_1"], data["ANGLE_2"], data["MAG"]
+                # The middle of the exposure of two seconds.
+                self.assertEqual(time, "2026-11-26T12:00:01.000000Z")
+                near = [p for p in passes if abs(p["first"]["dec_deg"] + p["last"]["dec_deg"] - 2 * dec) < 0.02
+                        and abs((p["first"]["ra_deg"] + p["last"]["ra_deg"] - 2 * ra + 360) % 720 - 360) * math.cos(math.radians(dec)) < 0.02]  # fmt: skip
+                self.assertTrue(near, streak)
+                self.assertLess(abs(near[0]["magnitude"] - magnitude), 0.3)
+
+    def test_writes_no_tracking_data_message_without_angles_and_says_why(self):
+        with tempfile.TemporaryDirectory(prefix="srfs_test_") as folder:
+            tdm = Path(folder) / "none.tdm"
+            run = detect("--method", "streak", "--tdm", str(tdm), self.frames[0])
+            self.assertEqual(run.returncode, 1, run.stderr)
+            self.assertIn("none.tdm not written: no object with angles and a time", run.stderr)
+            self.assertFalse(tdm.exists())
+            run = detect("--method", "thumbnail", "--tdm", str(tdm), self.frames[0])
+            self.assertEqual((run.returncode, run.stdout), (2, ""))
+            self.assertIn("--tdm needs --method streak or tracklet", run.stderr)
 
     def test_lists_the_defects_of_a_detector(self):
         run = detect("--method", "defect_map", "--json", *self.frames)

@@ -147,6 +147,8 @@ Frame frame_of(const Header& header, const Layout& layout) {
   const double saturation = header.real("SATURATE", NAN);
   if (std::isfinite(saturation)) frame.saturation_adu = static_cast<float>(saturation);
   frame.time_s = seconds_of(header.text("DATE-OBS"));
+  const double exposure_s = header.real("EXPTIME", NAN);
+  if (std::isfinite(exposure_s) && exposure_s >= 0) frame.exposure_s = exposure_s;
   return frame;
 }
 

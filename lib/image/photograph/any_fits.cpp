@@ -139,6 +139,10 @@ Result<Frame, Refusal> decode_any_fits(OctetView content) {
       std::isfinite(saturation))
     frame.saturation_adu = saturation;
   frame.time_s = fits_time(file.handle);
+  status = 0;
+  double exposure_s = 0;
+  if (fits_read_key(file.handle, TDOUBLE, "EXPTIME", &exposure_s, nullptr, &status) == 0 && exposure_s >= 0)
+    frame.exposure_s = exposure_s;
   fits_clear_errmsg();
   return frame;
 }

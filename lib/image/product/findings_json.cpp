@@ -4,11 +4,52 @@
 
 #include <cmath>
 
+#include "base/time.hpp"
+#include "image/product/tracking_message.hpp"
+
 namespace srfs::image {
 namespace {
 
 double rounded(double value, double unit) {
   return std::round(value / unit) * unit;
+}
+
+Json utc_json(const std::optional<double>& seconds) {
+  const auto time = utc_of(seconds);
+  return time ? Json(to_iso8601(*time, 6)) : Json(nullptr);
+}
+
+Json to_json(const SkyPlace& p) {
+  return {{"ra_deg", rounded(p.ra_deg, 1e-7)},
+          {"dec_deg", rounded(p.dec_deg, 1e-7)},
+          {"sigma_east_arcsec", rounded(p.sigma_east_arcsec, 1e-3)},
+          {"sigma_north_arcsec", rounded(p.sigma_north_arcsec, 1e-3)},
+          {"correlation", rounded(p.correlation, 1e-3)}};
+}
+
+void add(Json& json, const std::optional<Magnitude>& magnitude) {
+  if (!magnitude) return;
+  json["magnitude"] = rounded(magnitude->value, 1e-3);
+  json["sigma_magnitude"] = rounded(magnitude->sigma, 1e-3);
+}
+
+Json to_json(const SkyTrail& t) {
+  Json json{{"first", to_json(t.first)},
+            {"last", to_json(t.last)},
+            {"middle", to_json(t.middle)},
+            {"directed", t.is_directed},
+            {"begin", utc_json(t.begin_s)},
+            {"end", t.begin_s && t.exposure_s ? utc_json(*t.begin_s + *t.exposure_s) : Json(nullptr)}};
+  add(json, t.magnitude);
+  return json;
+}
+
+Json to_json(const SkyPoint& p) {
+  Json json = to_json(p.place);
+  const auto time = time_of(p);
+  json["utc"] = time ? Json(to_iso8601(*time, 6)) : Json(nullptr);
+  add(json, p.magnitude);
+  return json;
 }
 
 }  // namespace
@@ -23,14 +64,16 @@ Json to_json(const Star& s, int frame) {
 }
 
 Json to_json(const Streak& s, int frame) {
-  return {{"frame", frame},
-          {"x1", rounded(s.x1, 1e-3)},
-          {"y1", rounded(s.y1, 1e-3)},
-          {"x2", rounded(s.x2, 1e-3)},
-          {"y2", rounded(s.y2, 1e-3)},
-          {"snr", rounded(s.snr, 1e-3)},
-          {"flux", rounded(s.flux, 1e-2)},
-          {"width", rounded(s.width_px, 1e-3)}};
+  Json json{{"frame", frame},
+            {"x1", rounded(s.x1, 1e-3)},
+            {"y1", rounded(s.y1, 1e-3)},
+            {"x2", rounded(s.x2, 1e-3)},
+            {"y2", rounded(s.y2, 1e-3)},
+            {"snr", rounded(s.snr, 1e-3)},
+            {"flux", rounded(s.flux, 1e-2)},
+            {"width", rounded(s.width_px, 1e-3)}};
+  if (s.sky) json["sky"] = to_json(*s.sky);
+  return json;
 }
 
 static Json to_json(const TrackPoint& p) {
@@ -42,6 +85,8 @@ static Json to_json(const TrackPoint& p) {
     point["x1"] = rounded(p.streak->x1, 1e-3), point["y1"] = rounded(p.streak->y1, 1e-3);
     point["x2"] = rounded(p.streak->x2, 1e-3), point["y2"] = rounded(p.streak->y2, 1e-3);
   }
+  if (p.sky) point["sky"] = to_json(*p.sky);
+  if (p.streak && p.streak->sky) point["trail"] = to_json(*p.streak->sky);
   return point;
 }
 
