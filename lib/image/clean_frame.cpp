@@ -214,10 +214,12 @@ void to_noise(const Plane& in, const SkyLevel& sky, float noise_floor, Plane& ou
 
 /// The pattern was part of what the noise was measured from. Where there is none at all (black corners) it is
 /// not made so by division.
-void normalise_again(CleanFrame& frame) {
+/// @param noise_floor  ADU: rounding makes as much in a sky of few values, though most of them are equal
+void normalise_again(float noise_floor, CleanFrame& frame) {
   constexpr float least_share = 0.7F;
   SkyLevel left = measure_flattened(frame.signal, &frame.flaws);
-  const float least = least_share * median_node(left.noise);
+  const float least = std::max(least_share * median_node(left.noise),
+                               std::min(1.0F, noise_floor / median_node(frame.noise_adu)));
   left.noise = left.noise.at_least(least);
   to_noise(frame.signal, left, least, frame.signal, nullptr);
   frame.noise_adu = frame.noise_adu.times(left.noise);
@@ -255,7 +257,7 @@ void remove_fixed_pattern(PatternSums sums, float noise_floor, CleanFrame& frame
     sums = PatternSums(w, h);
     for (int y = 0; y < h; ++y) sums.add(y, frame.signal.row(y));
   }
-  if (of_columns || of_rows) normalise_again(frame);
+  if (of_columns || of_rows) normalise_again(noise_floor, frame);
 }
 
 /// Nothing in the sky is dark: cells with so many pixels this far below its level show the edge of a tree, of
@@ -332,18 +334,20 @@ class SpikeFinder {
     threshold_cross_ = 4.5F * std::sqrt(1 + ratio_ * ratio_ / 4);
   }
 
-  /// Three times, since a neighbour in a track hides it the first time. @return how many
-  int replace(Plane& signal, Grid<std::uint8_t>& flaws) const {
+  /// Three times, since a neighbour in a track hides it the first time. @return what it replaced
+  [[nodiscard]] std::vector<Spike> replace(Plane& signal, Grid<std::uint8_t>& flaws) const {
     std::vector<Place> bright = bright_places(signal);
-    int found = 0;
+    std::vector<Spike> found;
     for (int round = 0; round < 3; ++round) {
       std::vector<Place> spikes;
       for (const Place& p : bright) {
         if (flaws.at(p.x, p.y) == 0 && is_spike(signal, p)) spikes.push_back(p);
       }
-      for (const Place& p : spikes) flaws.at(p.x, p.y) |= flaw_spike;
+      for (const Place& p : spikes) {
+        flaws.at(p.x, p.y) |= flaw_spike;
+        found.push_back({p.x, p.y, signal.at(p.x, p.y)});
+      }
       for (const Place& p : spikes) signal.at(p.x, p.y) = mean_around(signal, flaws, p.x, p.y);
-      found += static_cast<int>(spikes.size());
       if (spikes.empty()) break;
     }
     return found;
@@ -441,7 +445,7 @@ void fill_saturated(const Plane& in, const Range& range, float saturation, float
   }
 }
 
-void add_notes(const Plane& in, const Range& range, bool psf_measured, FrameFindings& findings) {
+void add_notes(const Plane& in, const Range& range, FrameFindings& findings) {
   const auto all = static_cast<double>(in.size());
   if (findings.invalid > 0)
     findings.notes.push_back(fmt::format("{} pixels without a value", findings.invalid));
@@ -452,13 +456,49 @@ void add_notes(const Plane& in, const Range& range, bool psf_measured, FrameFind
   if (findings.saturated > 0.01 * all)
     findings.notes.push_back(
         fmt::format("{:.0f} % of the pixels are saturated", 100 * findings.saturated / all));
-  if (!psf_measured)
-    findings.notes.emplace_back("too few bright stars to measure their width; 2.5 px assumed");
+}
+
+/// Narrower than this no lens makes a star: where nothing shows the width, only what is sharper is no light
+/// from outside.
+constexpr double narrowest_fwhm_px = 1.1;
+/// A lens sharper than its pixels makes no brighter points wider than this.
+constexpr double sharp_most_px = 1.6;
+/// What is sharper than this share of the width of a few bright points is none.
+constexpr double spike_share = 0.64;
+/// For a few bright points of about the usual width, the usual one will do.
+constexpr double usual_least_px = 1.9;
+constexpr double usual_most_px = 3.3;
+
+/// The frame's star shape: as given, as its stars show it, or as wide as its bright points.
+/// @return what is sharper than any star's
+Psf settle_psf(const CleanOptions& options, CleanFrame& frame, FrameFindings& findings) {
+  if (options.fwhm_px > 0) {
+    frame.psf = Psf::round_gaussian(options.fwhm_px);
+    frame.psf_measured = true;
+    findings.fwhm_px = options.fwhm_px;
+    return frame.psf;
+  }
+  auto psf = measure_psf(frame.signal, frame.flaws, frame.no_sky > 0);
+  const auto width = psf ? std::nullopt : width_of_brightest(frame.signal, frame.flaws, frame.no_sky > 0);
+  if (!psf && (!width || *width < sharp_most_px))
+    psf = measure_psf(frame.signal, frame.flaws, frame.no_sky > 0, Optics::sharper_than_pixels);
+  if (psf) {
+    frame.psf = *std::move(psf);
+    frame.psf_measured = true;
+    findings.fwhm_px = frame.psf.fwhm_px();
+    return frame.psf;
+  }
+  if (width && (*width < usual_least_px || *width > usual_most_px)) frame.psf = Psf::round_gaussian(*width);
+  findings.notes.push_back(fmt::format(
+      "too few bright stars to measure their width; {:.1f} px taken{}; the parameter fwhm sets it",
+      frame.psf.fwhm_px(), width ? fmt::format(" (brightest points: {:.1f} px)", *width) : ""));
+  return Psf::round_gaussian(width ? std::max(narrowest_fwhm_px, spike_share * frame.psf.fwhm_px())
+                                   : narrowest_fwhm_px);
 }
 
 }  // namespace
 
-CleanFrame clean_frame(const Frame& frame, FrameFindings& findings) {
+CleanFrame clean_frame(const Frame& frame, FrameFindings& findings, const CleanOptions& options) {
   const Plane& in = frame.pixels;
   const Range range = range_of(in);
   // Equally spaced values have at least the noise of their rounding, equal ones that of their float
@@ -494,14 +534,9 @@ CleanFrame clean_frame(const Frame& frame, FrameFindings& findings) {
     findings.notes.push_back(fmt::format("{:.0f} % of the frame is not searched: dark edges without sky",
                                          std::ceil(100 * out.no_sky)));
 
-  if (auto psf = measure_psf(out.signal, out.flaws, out.no_sky > 0)) {
-    out.psf = *std::move(psf);
-    out.psf_measured = true;
-    findings.fwhm_px = out.psf.fwhm_px();
-  }
-  findings.spikes =
-      SpikeFinder(out.psf_measured ? out.psf : Psf::round_gaussian(1.6)).replace(out.signal, out.flaws);
-  add_notes(in, range, out.psf_measured, findings);
+  out.spikes = SpikeFinder(settle_psf(options, out, findings)).replace(out.signal, out.flaws);
+  findings.spikes = static_cast<int>(out.spikes.size());
+  add_notes(in, range, findings);
   return out;
 }
 

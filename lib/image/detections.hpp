@@ -3,6 +3,7 @@
 #pragma once
 
 #include <cmath>
+#include <cstdint>
 #include <optional>
 #include <string>
 #include <variant>
@@ -12,12 +13,20 @@
 
 namespace srfs::image {
 
+/// What is unusual in a star, as bits.
+enum StarFlag : std::uint8_t {
+  star_saturated = 1,  ///< place and flux come from what is around its core
+  star_blended = 2,    ///< touched by a star of similar brightness
+  star_odd = 4,        ///< not of the frame's shape: coma, the edge of the field, more than one source
+};
+
 struct Star {
   double x;
   double y;
-  double flux;     ///< ADU above the sky
-  double snr;      ///< flux over its noise from the sky alone
-  double fwhm_px;  ///< as the pixels show it
+  double flux;             ///< ADU above the sky
+  double snr;              ///< flux over its noise from the sky alone
+  double fwhm_px;          ///< as the pixels show it
+  std::uint8_t flags = 0;  ///< StarFlag
 };
 
 /// V_T, one standard deviation.
@@ -63,6 +72,8 @@ struct Streak {
   double snr;       ///< of all its light over the noise of the sky in a matched filter
   double flux;      ///< ADU above the sky
   double width_px;  ///< FWHM across
+  /// How much its light changes along it, beside its mean; 0: evenly lit, or not measured.
+  double raggedness = 0;
   std::optional<SkyTrail> sky = std::nullopt;
 
   [[nodiscard]] double length_px() const { return std::hypot(x2 - x1, y2 - y1); }

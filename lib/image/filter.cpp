@@ -45,4 +45,46 @@ void gaussian_filter(const Plane& in, float sigma_px, Plane& out, const Grid<std
   }
 }
 
+void high_pass(Plane& plane) {
+  constexpr int box_radius = 16;
+  const int w = plane.width();
+  const int h = plane.height();
+  const int ring = 2 * box_radius + 2;
+  std::vector<float> column(static_cast<std::size_t>(w), 0.0F);
+  std::vector<float> sums(static_cast<std::size_t>(w) + 1);
+  Plane clipped(w, std::min(h, ring));  // the rows in the box, before they change
+  int rows = 0;
+  const auto add = [&](int y) {
+    clip_row(plane.row(y), 3, clipped.row(y % ring), w);
+    add_row(clipped.row(y % ring), column.data(), w);
+    ++rows;
+  };
+  for (int y = 0; y < std::min(h, box_radius); ++y) add(y);
+  for (int y = 0; y < h; ++y) {
+    if (y + box_radius < h) add(y + box_radius);
+    if (y - box_radius - 1 >= 0) {
+      subtract(column.data(), clipped.row((y - box_radius - 1) % ring), w);
+      --rows;
+    }
+    float sum = 0;
+    for (int x = 0; x < w; ++x)
+      sums[static_cast<std::size_t>(x) + 1] = sum += column[static_cast<std::size_t>(x)];
+    float* to = plane.row(y);
+    const auto mean = [&](int from, int end) {
+      return (sums[static_cast<std::size_t>(end)] - sums[static_cast<std::size_t>(from)]) /
+             static_cast<float>(rows * (end - from));
+    };
+    const int inside_from = std::min(w, box_radius);
+    const int inside_end = std::max(inside_from, w - box_radius);
+    for (int x = 0; x < inside_from; ++x)
+      to[x] -= mean(std::max(0, x - box_radius), std::min(w, x + box_radius + 1));
+    const float share = 1 / static_cast<float>(rows * (2 * box_radius + 1));
+    for (int x = inside_from; x < inside_end; ++x)
+      to[x] -= share * (sums[static_cast<std::size_t>(x + box_radius) + 1] -
+                        sums[static_cast<std::size_t>(x - box_radius)]);
+    for (int x = inside_end; x < w; ++x)
+      to[x] -= mean(std::max(0, x - box_radius), std::min(w, x + box_radius + 1));
+  }
+}
+
 }  // namespace srfs::image

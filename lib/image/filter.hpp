@@ -12,4 +12,7 @@ namespace srfs::image {
 /// @param hidden  pixels that count as zero: not 0; nullptr: none
 void gaussian_filter(const Plane& in, float sigma_px, Plane& out, const Grid<std::uint8_t>* hidden = nullptr);
 
+/// Takes away what is larger than a streak is wide: the mean of the clipped surroundings, 33 values wide.
+void high_pass(Plane& plane);
+
 }  // namespace srfs::image

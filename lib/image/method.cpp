@@ -19,28 +19,33 @@
 namespace srfs::image {
 namespace {
 
+constexpr ParameterSpec fwhm{
+    "fwhm", 0, 0, 12, "width of the stars, px FWHM, where the operator knows it; 0: measured in each frame"};
 constexpr ParameterSpec stars_max{"max_stars", 10000, 1, 100000, "most stars to keep, brightest first"};
 
 class StarCentroid final : public Method {
  public:
   explicit StarCentroid(const Parameters& parameters)
-      : options_{parameters["threshold"], static_cast<int>(parameters["max_stars"])} {}
+      : options_{parameters["threshold"], static_cast<int>(parameters["max_stars"])},
+        clean_{parameters["fwhm"]} {}
 
   Result<FrameFindings, Refusal> process(const Frame& frame) override {
     FrameFindings findings;
-    const CleanFrame clean = clean_frame(frame, findings);
+    const CleanFrame clean = clean_frame(frame, findings, clean_);
     findings.stars = find_stars(clean, options_).stars;
     return findings;
   }
 
  private:
   StarOptions options_;
+  CleanOptions clean_;
 };
 
 constexpr std::array star_centroid_parameters{
     ParameterSpec{"threshold", 0, 0, 1000,
                   "least SNR of a star; 0: automatic (4.2 to 5, about one false star in 70)"},
     stars_max,
+    fwhm,
 };
 
 constexpr ParameterSpec on_the_sky{
@@ -77,11 +82,12 @@ class StreakSearch final : public Method {
       : options_{parameters["threshold"], parameters["min_length"], parameters["caution"]},
         with_stars_(parameters["stars"] != 0),
         with_trails_(parameters["trails"] != 0),
+        clean_{parameters["fwhm"]},
         sky_(parameters) {}
 
   Result<FrameFindings, Refusal> process(const Frame& frame) override {
     FrameFindings findings;
-    const CleanFrame clean = clean_frame(frame, findings);
+    const CleanFrame clean = clean_frame(frame, findings, clean_);
     StarField field = find_stars(clean, {.stars_max = std::numeric_limits<int>::max(), .close_ones = false});
     findings.streaks = find_streaks(clean, field, options_);
     if (!with_trails_) drop_star_trails(field.stars.size(), findings);
@@ -109,6 +115,7 @@ class StreakSearch final : public Method {
   StreakOptions options_;
   bool with_stars_;
   bool with_trails_;
+  CleanOptions clean_;
   SkySearch sky_;
 };
 
@@ -119,6 +126,7 @@ constexpr std::array streak_parameters{
     ParameterSpec{"stars", 0, 0, 1, "1: also the stars"},
     ParameterSpec{"trails", 0, 0, 1, "1: also star trails, drawn when the camera turns"},
     on_the_sky,
+    fwhm,
 };
 
 /// Moving objects in several frames.
@@ -127,13 +135,14 @@ class TrackletSearch final : public Method {
   explicit TrackletSearch(const Parameters& parameters)
       : streaks_{parameters["streak_threshold"], parameters["min_length"], parameters["caution"]},
         links_{static_cast<int>(parameters["hits"]), parameters["threshold"], parameters["max_speed"]},
+        clean_{parameters["fwhm"]},
         sky_(parameters) {}
 
   Result<FrameFindings, Refusal> process(const Frame& frame) override {
     if (frames_.size() >= frames_most)
       return Err(Refusal{fmt::format("more than {} frames in a sequence", frames_most)});
     FrameFindings findings;
-    const CleanFrame clean = clean_frame(frame, findings);
+    const CleanFrame clean = clean_frame(frame, findings, clean_);
     StarField field =
         find_stars(clean, {.snr_least = faint_least, .stars_max = faint_most, .close_ones = false});
     measured_.push_back(sky_.look(frame, field.stars, findings));
@@ -164,6 +173,7 @@ class TrackletSearch final : public Method {
 
   StreakOptions streaks_;
   LinkOptions links_;
+  CleanOptions clean_;
   SkySearch sky_;
   std::vector<FrameDetections> frames_;
   std::vector<std::optional<SkyMeasurement>> measured_;  ///< of each frame
@@ -181,17 +191,20 @@ constexpr std::array tracklet_parameters{
     ParameterSpec{"caution", -100, -1000, 1000,
                   "chi-squared margin by which a streak must beat stars in one frame"},
     on_the_sky,
+    fwhm,
 };
 
 /// The attitude from the stars.
 class PlateSolving final : public Method {
  public:
   explicit PlateSolving(const Parameters& parameters)
-      : options_{parameters["min_field"], parameters["max_field"]}, with_stars_(parameters["stars"] != 0) {}
+      : options_{parameters["min_field"], parameters["max_field"]},
+        with_stars_(parameters["stars"] != 0),
+        clean_{parameters["fwhm"]} {}
 
   Result<FrameFindings, Refusal> process(const Frame& frame) override {
     FrameFindings findings;
-    const CleanFrame clean = clean_frame(frame, findings);
+    const CleanFrame clean = clean_frame(frame, findings, clean_);
     findings.stars = find_stars(clean, {}).stars;
     const auto solution =
         solver_.solve(findings.stars, frame.pixels.width(), frame.pixels.height(), options_);
@@ -207,6 +220,7 @@ class PlateSolving final : public Method {
  private:
   PlateOptions options_;
   bool with_stars_;
+  CleanOptions clean_;
   FieldSolver solver_;
 };
 
@@ -216,13 +230,16 @@ constexpr std::array plate_parameters{
     ParameterSpec{"max_field", field_most_deg, field_least_deg, field_most_deg,
                   "largest width of the field of view, degrees"},
     ParameterSpec{"stars", 0, 0, 1, "1: also the stars"},
+    fwhm,
 };
 
 /// Pixels of the detector that are not as the others, from several frames.
 class DefectMap final : public Method {
  public:
   explicit DefectMap(const Parameters& parameters)
-      : share_(parameters["share"]), most_(static_cast<std::size_t>(parameters["max_defects"])) {}
+      : share_(parameters["share"]),
+        most_(static_cast<std::size_t>(parameters["max_defects"])),
+        clean_{parameters["fwhm"]} {}
 
   Result<FrameFindings, Refusal> process(const Frame& frame) override {
     if (count_ && (count_->width() != frame.pixels.width() || count_->height() != frame.pixels.height()))
@@ -231,7 +248,7 @@ class DefectMap final : public Method {
     if (count_ && count_->frames() >= frames_most)
       return Err(Refusal{fmt::format("more than {} frames in a sequence", frames_most)});
     FrameFindings findings;
-    const CleanFrame clean = clean_frame(frame, findings);
+    const CleanFrame clean = clean_frame(frame, findings, clean_);
     if (!count_) count_.emplace(frame.pixels.width(), frame.pixels.height());
     count_->add(frame, clean);
     return findings;
@@ -252,12 +269,14 @@ class DefectMap final : public Method {
   static constexpr int frames_least = 3;
   double share_;
   std::size_t most_;
+  CleanOptions clean_;
   std::optional<DefectCount> count_;
 };
 
 constexpr std::array defect_parameters{
     ParameterSpec{"share", 0.6, 0.05, 1, "share of the frames that must show a defect"},
     ParameterSpec{"max_defects", 10000, 1, 1000000, "most defects to keep, strongest first"},
+    fwhm,
 };
 
 class Thumbnail final : public Method {

@@ -17,8 +17,14 @@ constexpr float height_least = 6;  ///< of a candidate, in noise
 constexpr std::size_t candidates_max = 4000;
 constexpr std::size_t stars_max = 60;
 /// What a pixel and the narrowest optics make: below it are hot pixels and particle tracks.
-constexpr double sigma_least_px = 0.5;
-constexpr double fwhm_least_px = 1.25;
+struct Sharpest {
+  double sigma_px;
+  double fwhm_px;
+  float beside;  ///< share of the light of a pixel that its four neighbours have on average
+};
+constexpr Sharpest usual{0.5, 1.25, 0.12F};
+/// Of lenses that are sharper than their pixels: only where no star is as wide as usual.
+constexpr Sharpest sharp{0.4, 0.95, 0.05F};
 constexpr double sigma_most_px = 6;
 
 struct Candidate {
@@ -29,11 +35,11 @@ struct Candidate {
 };
 
 /// A hot pixel has no light beside it; what counts as light is three times the noise of four pixels.
-bool has_light_beside(const Plane& signal, const Candidate& c) {
+bool has_light_beside(const Plane& signal, const Candidate& c, const Sharpest& least) {
   const float beside = (signal.at(c.x - 1, c.y) + signal.at(c.x + 1, c.y) + signal.at(c.x, c.y - 1) +
                         signal.at(c.x, c.y + 1)) /
                        4;
-  return beside >= 1.5F && beside >= 0.12F * c.height;
+  return beside >= 1.5F && beside >= least.beside * c.height;
 }
 
 /// Light that is all around, farther than any star's: where the sky's level is wrong, beside trees and
@@ -77,12 +83,12 @@ std::optional<double> round_sigma(std::optional<double> sx, std::optional<double
 }
 
 /// For stars of two pixels and less.
-std::optional<double> narrow_sigma(const Plane& signal, const Candidate& c) {
+std::optional<double> narrow_sigma(const Plane& signal, const Candidate& c, const Sharpest& least) {
   const auto floor = [](float v) { return std::max(v, 0.5F); };
   const auto sigma =
       round_sigma(sigma_through(floor(signal.at(c.x - 1, c.y)), c.height, floor(signal.at(c.x + 1, c.y)), 1),
                   sigma_through(floor(signal.at(c.x, c.y - 1)), c.height, floor(signal.at(c.x, c.y + 1)), 1));
-  return sigma && *sigma >= sigma_least_px ? sigma : std::nullopt;
+  return sigma && *sigma >= least.sigma_px ? sigma : std::nullopt;
 }
 
 /// For wider stars, whose single pixels are noisy: through smoothed values, with light on all four sides.
@@ -206,14 +212,16 @@ std::pair<double, std::size_t> measure_all(const Plane& signal, std::vector<Cand
 }
 
 /// The few that outshine all others decide.
-std::optional<double> outshining_sigma(const Plane& signal, std::vector<Candidate>& candidates) {
+std::optional<double> outshining_sigma(const Plane& signal, std::vector<Candidate>& candidates,
+                                       const Sharpest& /*least*/) {
   const auto sigma = sigma_of_brightest(signal, candidates, outshining);
   if (sigma) (void)measure_all(signal, candidates, *sigma);
   return sigma;
 }
 
 /// The bright ones decide.
-std::optional<double> bright_sigma(const Plane& signal, std::vector<Candidate>& candidates) {
+std::optional<double> bright_sigma(const Plane& signal, std::vector<Candidate>& candidates,
+                                   const Sharpest& /*least*/) {
   const auto common = sigma_of_brightest(signal, candidates, bright);
   if (!common) return std::nullopt;
   const auto [sigma, n] = measure_all(signal, candidates, *common);
@@ -221,7 +229,8 @@ std::optional<double> bright_sigma(const Plane& signal, std::vector<Candidate>& 
 }
 
 /// The most frequent width.
-std::optional<double> common_sigma(const Plane& signal, std::vector<Candidate>& candidates) {
+std::optional<double> common_sigma(const Plane& signal, std::vector<Candidate>& candidates,
+                                   const Sharpest& least) {
   const auto [first, wide_ones] =
       densest_sigma(candidates, [&](const Candidate& c) { return wide_sigma(signal, c, 2); });
   // Of narrow stars, only blends show light two pixels away on all sides.
@@ -230,7 +239,7 @@ std::optional<double> common_sigma(const Plane& signal, std::vector<Candidate>& 
     if (n >= 3) return sigma;
   }
   const auto [sigma, n] =
-      densest_sigma(candidates, [&](const Candidate& c) { return narrow_sigma(signal, c); });
+      densest_sigma(candidates, [&](const Candidate& c) { return narrow_sigma(signal, c, least); });
   return n >= 3 ? std::optional(sigma) : std::nullopt;
 }
 
@@ -364,12 +373,13 @@ double Psf::radius_at(double height) const {
 
 namespace {
 
-using SigmaOf = std::optional<double>(const Plane&, std::vector<Candidate>&);
+using SigmaOf = std::optional<double>(const Plane&, std::vector<Candidate>&, const Sharpest&);
 
 /// The shape of the candidates that are as wide as @p sigma_of says, where that is at most @p sigma_most.
 std::optional<Psf> shape_of_stars(const Plane& signal, const Grid<std::uint8_t>& bad,
-                                  std::vector<Candidate> candidates, SigmaOf& sigma_of, double sigma_most) {
-  const auto sigma = sigma_of(signal, candidates);
+                                  std::vector<Candidate> candidates, SigmaOf& sigma_of, double sigma_most,
+                                  const Sharpest& least) {
+  const auto sigma = sigma_of(signal, candidates, least);
   if (!sigma || *sigma > sigma_most) return std::nullopt;
   std::erase_if(candidates,
                 [&](const Candidate& c) { return c.sigma < 0.75 * *sigma || c.sigma > 1.35 * *sigma; });
@@ -399,20 +409,47 @@ std::optional<Psf> shape_of_stars(const Plane& signal, const Grid<std::uint8_t>&
   }
   const double ratio = Psf(shape).fwhm_px() / (2.3548 * *sigma);
   const Psf psf(ratio < 0.7 || ratio > 1.6 ? Psf::Shape{k, 0, k, 0} : shape);
-  return psf.fwhm_px() >= fwhm_least_px ? std::optional(psf) : std::nullopt;
+  return psf.fwhm_px() >= least.fwhm_px ? std::optional(psf) : std::nullopt;
 }
 
 }  // namespace
 
-std::optional<Psf> measure_psf(const Plane& signal, const Grid<std::uint8_t>& bad, bool apart_from_light) {
+std::optional<Psf> measure_psf(const Plane& signal, const Grid<std::uint8_t>& bad, bool apart_from_light,
+                               Optics optics) {
+  const Sharpest& least = optics == Optics::usual ? usual : sharp;
   std::vector<Candidate> candidates = find_candidates(signal, bad, apart_from_light);
-  std::erase_if(candidates, [&](const Candidate& c) { return !has_light_beside(signal, c); });
-  auto psf = shape_of_stars(signal, bad, candidates, bright_sigma, sigma_most_px);
-  if (!psf) psf = shape_of_stars(signal, bad, candidates, common_sigma, sigma_most_px);
+  std::erase_if(candidates, [&](const Candidate& c) { return !has_light_beside(signal, c, least); });
+  auto psf = shape_of_stars(signal, bad, candidates, bright_sigma, sigma_most_px, least);
+  if (!psf) psf = shape_of_stars(signal, bad, candidates, common_sigma, sigma_most_px, least);
   // Nothing in the sky is narrower than a star, and what is brightest may have been wide already.
   const double wide = psf ? std::min(sigma_most_px, double(psf->sigma_px())) : sigma_most_px;
-  auto narrower = shape_of_stars(signal, bad, std::move(candidates), outshining_sigma, wide);
+  auto narrower = shape_of_stars(signal, bad, std::move(candidates), outshining_sigma, wide, least);
   return narrower && (!psf || narrower->fwhm_px() < clearly_narrower * psf->fwhm_px()) ? narrower : psf;
+}
+
+std::optional<double> width_of_brightest(const Plane& signal, const Grid<std::uint8_t>& bad,
+                                         bool apart_from_light) {
+  constexpr std::size_t enough = 9;
+  std::vector<Candidate> candidates = find_candidates(signal, bad, apart_from_light);
+  std::erase_if(candidates, [&](const Candidate& c) {
+    return c.height < outshining.height || !has_light_beside(signal, c, usual);
+  });
+  std::sort(candidates.begin(), candidates.end(),
+            [](const Candidate& a, const Candidate& b) { return a.height > b.height; });
+  std::vector<float> widths;
+  for (const Candidate& c : candidates) {
+    auto sigma = wide_sigma(signal, c, 3);
+    if (!sigma) sigma = wide_sigma(signal, c, 2);
+    if (!sigma) sigma = narrow_sigma(signal, c, usual);
+    if (sigma && *sigma < sigma_most_px && stands_alone(signal, bad, c, *sigma))
+      widths.push_back(static_cast<float>(2.3548 * *sigma));
+    if (widths.size() >= enough) break;
+  }
+  if (widths.empty()) return std::nullopt;
+  // Nothing in the sky is narrower than a star; other things are wider.
+  const auto quarter = widths.begin() + static_cast<std::ptrdiff_t>(widths.size() / 4);
+  std::nth_element(widths.begin(), quarter, widths.end());
+  return double(*quarter);
 }
 
 }  // namespace srfs::image

@@ -65,11 +65,22 @@ class Psf {
   std::vector<float> slope_;
 };
 
+/// How sharp the optics may be.
+enum class Optics {
+  usual,
+  sharper_than_pixels,  ///< of hot pixels and particles' tracks hardly to be told
+};
+
 /// @param signal  level 0, noise 1
 /// @param bad     pixels not to use
 /// @param apart_from_light  nothing counts that is surrounded by light: the level is not 0 everywhere
 /// @return the shape of the frame's own stars; nothing where there are too few bright ones
 [[nodiscard]] std::optional<Psf> measure_psf(const Plane& signal, const Grid<std::uint8_t>& bad,
-                                             bool apart_from_light);
+                                             bool apart_from_light, Optics optics = Optics::usual);
+
+/// Where they are too few for that.
+/// @return FWHM of the brightest points with light beside them, px; nothing where there is none
+[[nodiscard]] std::optional<double> width_of_brightest(const Plane& signal, const Grid<std::uint8_t>& bad,
+                                                       bool apart_from_light);
 
 }  // namespace srfs::image

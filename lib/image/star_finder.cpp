@@ -57,6 +57,22 @@ constexpr double beside_most = 1.4;
 /// A wrong level of the sky that matters, times the width of a star, both in noise and px.
 constexpr float level_least = 0.05F;
 
+/// A frame with so few single pixels beside each star needs no margin.
+constexpr double pixel_odds = 8;
+constexpr float dark_least = 4.1F;  ///< of a dark peak, in noise
+constexpr double dark_limit_most = 20;
+constexpr double dark_by_chance = 3;
+constexpr double ring_most = 20;     ///< significance: what is brighter stays
+constexpr double rings_least = 0.3;  ///< of them beside each bright star
+constexpr double dark_star = 30;     ///< height: beside it coding rings
+/// Stars of their own shape: as bright, as little explained, with as little light around.
+constexpr float odd_height = 20;
+constexpr float odd_share = 0.6F;
+constexpr double odd_ring = 0.35;
+constexpr double odd_narrow = 0.12;  ///< of the squared widths
+constexpr double odd_scale = 1.35;
+constexpr std::size_t odd_peaks_most = 20000;
+
 struct Peak {
   int x;
   int y;
@@ -73,8 +89,10 @@ struct Fitted {
   double noise = 1;      ///< of the filtered frame here
   double left_over = 0;  ///< of brighter stars, here
   double significance = 0;
+  double margin = std::numeric_limits<double>::infinity();  ///< over what few pixels would explain
   double unexplained = 0;  ///< share of the flanks' energy, of a star with a saturated core
   int radius = 0;
+  bool odd = false;      ///< not of the frame's shape
   bool changed = true;   ///< it or its surroundings, since it was last fitted
   bool crowded = false;  ///< has neighbours
   bool touched = false;  ///< by one of similar brightness
@@ -115,7 +133,10 @@ class Finder {
       gaussian_filter(residual_, psf_.sigma_px(), filtered_);
       // The second time without the known stars, whose light counts as noise the first time.
       noise_ = measure_flattened(filtered_, nullptr).noise;
+      const auto& nodes = noise_.nodes().cells();
+      lowest_noise_ = std::max(0.5F, *std::min_element(nodes.begin(), nodes.end()));
       for (Fitted& star : stars_) star.noise = noise_at(star.x, star.y);
+      if (pass > 0 && options_.close_ones) find_dark_peaks();
       const std::size_t known = stars_.size();
       const PlaceIndex places(stars_);
       for (const Peak& peak : find_peaks()) {
@@ -125,12 +146,13 @@ class Finder {
       if (stars_.size() == known && (pass > 0 || stars_.empty())) break;
       if (pass == 0) {
         measure_shot_noise();
-        if (options_.close_ones) measure_model_error();
+        measure_model_error();
       }
       find_crowds(known);
       refine();
     }
     select();
+    if (options_.close_ones) keep_odd_stars();
     return result();
   }
 
@@ -249,7 +271,10 @@ class Finder {
         const auto other = fit_flanks(core, away * std::cos(angle), away * std::sin(angle));
         if (other && other->unexplained < star->unexplained) star = other;
       }
-      if (!star || star->unexplained > unexplained_most) continue;
+      if (!star || star->unexplained > unexplained_most) {
+        odd_cores_.push_back(core);
+        continue;
+      }
       judge(*star, 0, 0);
       if (star->significance < saturated_least) continue;
       add_light(*star, -1);
@@ -390,7 +415,9 @@ class Finder {
     if (star.significance < double(candidate_least)) return;
     if (run == 0) {
       take_patch(residual_, clean_.flaws, star.x, star.y, star.radius + 1, patch_);
-      if (is_few_pixels(star) || !has_star_width(star, 2)) return;
+      star.margin = better_than_pixels(star);
+      if (star.margin < 0 && pass == 0) ++pixels_;
+      if (star.margin < 0 || !has_star_width(star, 2)) return;
     }
     add_light(star, -1);
     stars_.push_back(star);
@@ -505,9 +532,9 @@ class Finder {
     add_star(psf_, sign * static_cast<float>(star.height), star.x, star.y, residual_);
   }
 
-  /// Whether one pixel alone, or two that touch, explain the peak better than a star does. The star is in the
-  /// patch.
-  [[nodiscard]] bool is_few_pixels(const Fitted& star) {
+  /// By how much better, in chi squared, a star explains the peak than one pixel alone or two that touch. The
+  /// star is in the patch.
+  [[nodiscard]] double better_than_pixels(const Fitted& star) {
     profile_heights(profile_, patch_, static_cast<float>(star.x), static_cast<float>(star.y), heights_);
     float product = 0;
     float energy = 0;
@@ -532,7 +559,7 @@ class Finder {
         of_two = std::max(of_two, here + next);
     }
     const float of_star = product * product / energy;
-    return of_one > of_star || of_two > of_star + 3;
+    return double(of_star - std::max(of_one, of_two - 3));
   }
 
   /// Measures the width beside the frame's, on the patch. @return false for what is clearly no star
@@ -598,8 +625,8 @@ class Finder {
       shares.push_back(static_cast<float>(excess / energy));
     }
     if (shares.size() < 5) return;
-    model_error_ =
-        std::clamp(std::sqrt(std::max(0.0, double(median_of(shares)))), model_error_least, model_error_most);
+    shape_error_ = std::sqrt(std::max(0.0, double(median_of(shares))));
+    if (options_.close_ones) model_error_ = std::clamp(shape_error_, model_error_least, model_error_most);
   }
 
   /// Which stars have neighbours whose light matters, which of those are new since @p known, and which touch.
@@ -785,16 +812,194 @@ class Finder {
     return double(missing) > by_noise + sharper_share * double(energy);
   }
 
+  /// Where the frame has many single pixels that stand out, a faint star that looks much like one is one, the
+  /// likelier the more there are beside each star.
+  void drop_likely_pixels() {
+    const double share =
+        static_cast<double>(pixels_) / static_cast<double>(std::max<std::size_t>(1, stars_.size()));
+    const double least = 2 * std::log(std::max(1.0, pixel_odds * share));
+    if (least <= 0) return;
+    for (Fitted& star : stars_) {
+      if (star.margin >= least) continue;
+      add_light(star, 1);
+      star.height = 0;
+    }
+    std::erase_if(stars_, [](const Fitted& s) { return s.height <= 0; });
+  }
+
+  /// Nothing in the sky is dark: what peaks downwards, away from bright stars, coding and rounding have made,
+  /// and as many upwards.
+  void find_dark_peaks() {
+    const int w = filtered_.width();
+    const PlaceIndex places(stars_);
+    for (int y = 1; y + 1 < filtered_.height(); ++y) {
+      const float* row = filtered_.row(y);
+      if (count_below(row, -dark_least * lowest_noise_, w) == 0) continue;
+      for (int x = 1; x + 1 < w; ++x) {
+        if (row[x] >= -dark_least * lowest_noise_) continue;
+        const double depth = -double(row[x]) / noise_at(x, y);
+        if (depth < double(dark_least) || !is_lowest(x, y)) continue;
+        const double brightest = brightest_near(places, x, y);
+        const bool beside_star = brightest > dark_star;
+        if (beside_star)
+          rings_.push_back(static_cast<float>(depth * noise_at(x, y) / std::sqrt(energy_) / brightest));
+        else if (dark_peaks_.size() < candidates_max)
+          dark_peaks_.push_back(depth);
+      }
+    }
+  }
+
+  /// Height of the brightest star whose coding or shape may leave something at a place.
+  [[nodiscard]] double brightest_near(const PlaceIndex& places, double x, double y) const {
+    double height = 0;
+    places.near(x, y, 4 * psf_.fwhm_px() + 8, [&](std::size_t i, double distance) {
+      if (distance > 0.5) height = std::max(height, stars_[i].height);
+    });
+    return height;
+  }
+
+  /// What bright stars have around themselves downwards they have upwards, too: by coding, or because they
+  /// are not of the frame's shape. Faint stars that are no brighter than that are none.
+  void drop_rings() {
+    const auto bright = static_cast<double>(
+        std::count_if(stars_.begin(), stars_.end(), [](const Fitted& s) { return s.height > dark_star; }));
+    if (rings_.empty() || certain(static_cast<std::ptrdiff_t>(rings_.size())) < rings_least * bright) return;
+    const auto place = rings_.begin() + static_cast<std::ptrdiff_t>(0.9 * static_cast<double>(rings_.size()));
+    std::nth_element(rings_.begin(), place, rings_.end());
+    const double share = double(*place);
+    const PlaceIndex places(stars_);
+    std::vector<bool> drop;
+    for (const Fitted& star : stars_) {
+      const double brightest = brightest_near(places, star.x, star.y);
+      drop.push_back(brightest > dark_star && star.height < share * brightest &&
+                     star.significance < ring_most);
+    }
+    for (std::size_t i = 0; i < stars_.size(); ++i) {
+      if (!drop[i]) continue;
+      add_light(stars_[i], 1);
+      stars_[i].height = 0;
+    }
+    std::erase_if(stars_, [](const Fitted& s) { return s.height <= 0; });
+  }
+
+  [[nodiscard]] bool is_lowest(int x, int y) const {
+    for (int j = -1; j <= 1; ++j) {
+      for (int i = -1; i <= 1; ++i) {
+        if (filtered_.at(x + i, y + j) < filtered_.at(x, y)) return false;
+      }
+    }
+    return true;
+  }
+
+  /// Bright light that no star explains, as compact as one: kept as it is, with a flag. A lens with coma
+  /// makes such stars, the edge of the field, and saturation of what is not of the frame's shape.
+  void keep_odd_stars() {
+    for (const SaturatedCore& core : odd_cores_) {
+      if (core.radius <= 2 + 2 * psf_.fwhm_px()) keep_odd(core.x, core.y, core.radius);
+    }
+    std::vector<int> at;
+    std::vector<Peak> peaks;
+    for (int y = 1; y + 1 < residual_.height(); ++y) {
+      find_above(residual_.row(y), odd_height, residual_.width(), at);
+      for (const int x : at) {
+        if (x < 1 || x + 1 >= residual_.width() || (clean_.flaws.at(x, y) & ~flaw_saturated) != 0) continue;
+        const float v = residual_.at(x, y);
+        if (v < odd_share * clean_.signal.at(x, y) || !is_highest(x, y)) continue;
+        peaks.push_back({x, y, v});
+        if (peaks.size() >= odd_peaks_most) break;
+      }
+    }
+    std::sort(peaks.begin(), peaks.end(), [](const Peak& a, const Peak& b) { return a.value > b.value; });
+    for (const Peak& peak : peaks) {
+      if (!is_on_ray(peak)) keep_odd(peak.x, peak.y, 0);
+    }
+  }
+
+  [[nodiscard]] bool is_highest(int x, int y) const {
+    for (int j = -1; j <= 1; ++j) {
+      for (int i = -1; i <= 1; ++i) {
+        if (residual_.at(x + i, y + j) > residual_.at(x, y)) return false;
+      }
+    }
+    return true;
+  }
+
+  /// @param core  radius of its saturated patch
+  void keep_odd(double x, double y, int core) {
+    const double near = core + 1.2 * psf_.fwhm_px() + 1;
+    for (const Fitted& s : stars_) {
+      if (std::hypot(s.x - x, s.y - y) < near) return;
+    }
+    const int reach = core + static_cast<int>(std::ceil(1.5 * psf_.fwhm_px())) + 1;
+    const Area a = area(x, y, reach);
+    if (a.x1 - a.x0 < 2 * reach || a.y1 - a.y0 < 2 * reach) return;
+    double peak = 0, light = 0, mx = 0, my = 0, xx = 0, xy = 0, yy = 0, ring = 0;
+    int half = 0, outside = 0;
+    for (int j = a.y0; j <= a.y1; ++j)
+      for (int i = a.x0; i <= a.x1; ++i)
+        if (std::hypot(i - x, j - y) <= core + 1) peak = std::max(peak, double(residual_.at(i, j)));
+    for (int j = a.y0; j <= a.y1; ++j) {
+      for (int i = a.x0; i <= a.x1; ++i) {
+        const double r = std::hypot(i - x, j - y);
+        const double v = double(residual_.at(i, j));
+        if (r > reach + 0.5) continue;
+        if (r > reach - 1) ring += v, ++outside;
+        half += v > 0.5 * peak;
+        const double w = std::max(0.0, v);
+        light += w, mx += w * i, my += w * j;
+      }
+    }
+    if (!(light > 0) || ring / std::max(1, outside) > odd_ring * peak) return;
+    mx /= light, my /= light;
+    for (int j = a.y0; j <= a.y1; ++j) {
+      for (int i = a.x0; i <= a.x1; ++i) {
+        const double v = std::max(0.0, double(residual_.at(i, j)));
+        if (std::hypot(i - x, j - y) > reach + 0.5) continue;
+        xx += v * (i - mx) * (i - mx), xy += v * (i - mx) * (j - my), yy += v * (j - my) * (j - my);
+      }
+    }
+    const double middle = (xx + yy) / 2 / light;
+    const double half_difference = std::hypot((xx - yy) / 2, xy) / light;
+    const double area_of_star = std::numbers::pi / 4 * psf_.fwhm_px() * psf_.fwhm_px();
+    // Sharper than a star: a particle; drawn out: its track, or a streak.
+    if (half < std::max(3.0, 0.9 * area_of_star)) return;
+    if (middle - half_difference < odd_narrow * (middle + half_difference)) return;
+    Fitted star;
+    star.x = mx, star.y = my;
+    star.height = light / psf_.flux();
+    star.energy = energy_;
+    star.noise = noise_at(mx, my);
+    star.scale = std::sqrt(std::max(0.1, middle)) / double(psf_.sigma_px());
+    star.radius = psf_.fit_radius() + core;
+    star.odd = true;
+    star.significance = significance_of(star);
+    if (star.significance > double(odd_height)) stars_.push_back(star);
+  }
+
+  /// So many at least are not by chance.
+  [[nodiscard]] static double certain(std::ptrdiff_t count) {
+    const auto n = static_cast<double>(count);
+    return std::max(0.0, n - 2 * std::sqrt(n) - dark_by_chance);
+  }
+
   /// Keeps what is significant: the lower the limit, the more peaks of the noise come with it.
   void select() {
     for (Fitted& star : stars_) star.significance = significance_of(star);
+    if (options_.close_ones) {
+      drop_likely_pixels();
+      drop_rings();
+    }
     double least = options_.snr_least;
     if (least <= 0) {
       // Maxima of white noise through a Gaussian filter: second spectral moment 1 / (2 sigma^2).
       const double area =
           static_cast<double>(residual_.size()) / (2 * double(psf_.sigma_px()) * double(psf_.sigma_px()));
-      for (least = 4.1; least < 5; least += 0.05) {
-        const double false_ones = area * 0.0635 * least * std::exp(-least * least / 2);
+      for (least = 4.1; least < (dark_peaks_.empty() ? 5 : dark_limit_most);
+           least += least < 5 ? 0.05 : 0.25) {
+        const double by_noise = area * 0.0635 * least * std::exp(-least * least / 2);
+        const double dark = certain(
+            std::count_if(dark_peaks_.begin(), dark_peaks_.end(), [&](double v) { return v >= least; }));
+        const double false_ones = least < 5 ? std::max(by_noise, dark) : dark;
         const auto found = std::count_if(stars_.begin(), stars_.end(),
                                          [&](const Fitted& s) { return s.significance >= least; });
         if (false_ones <= 0.018 * static_cast<double>(found)) break;
@@ -815,6 +1020,7 @@ class Finder {
     blank_saturated_cores();
     StarField field;
     field.shot = shot_;
+    field.shape_error = shape_error_;
     field.masked = Grid<std::uint8_t>(residual_.width(), residual_.height());
     const std::size_t kept =
         std::min(stars_.size(), static_cast<std::size_t>(std::max(0, options_.stars_max)));
@@ -822,8 +1028,11 @@ class Finder {
     for (const Fitted& s : stars_) {
       if (field.stars.size() >= kept) break;
       const double noise = s.noise / std::sqrt(std::max(s.energy, 0.3 * energy_));
-      field.stars.push_back(
-          {s.x, s.y, s.height * psf_.flux() * unit_at(s), s.height / noise, psf_.fwhm_px() * s.scale});
+      const bool odd = s.odd || s.scale - 3 * s.scale_error > odd_scale;
+      const int flags =
+          (is_saturated(s) ? star_saturated : 0) | (s.touched ? star_blended : 0) | (odd ? star_odd : 0);
+      field.stars.push_back({s.x, s.y, s.height * psf_.flux() * unit_at(s), s.height / noise,
+                             psf_.fwhm_px() * s.scale, static_cast<std::uint8_t>(flags)});
       field.doubtful.push_back(s.touched || s.scale - s.scale_error > 1.06);
     }
     for (const Fitted& s : sharp_) mask(s, field.masked);
@@ -857,6 +1066,12 @@ class Finder {
   double per_level_ = 0;  ///< what the height of a star is wrong by, beside the level that it was fitted on
   double shot_ = 0;
   double model_error_ = model_error_most;
+  double shape_error_ = 0;
+  float lowest_noise_ = 1;
+  int pixels_ = 0;                  ///< peaks that one or two pixels explain
+  std::vector<double> dark_peaks_;  ///< significance
+  std::vector<float> rings_;        ///< dark peaks beside bright stars: share of the star's height
+  std::vector<SaturatedCore> odd_cores_;
   std::vector<Fitted> stars_;
   std::vector<Fitted> glaring_;  ///< whose saturated cores were found as such
   PlaceIndex glaring_places_;

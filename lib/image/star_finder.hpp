@@ -13,8 +13,9 @@ struct StarOptions {
   /// Least significance; 0: as low as leaves about one false star in 70, between 4.2 and 5.
   double snr_least = 0;
   int stars_max = 10000;  ///< the brightest are kept
-  /// Also stars so close that only a fit of both separates them. Not where streaks are searched: a short one
-  /// is as well explained by stars in a row.
+  /// Also stars so close that only a fit of both separates them, and bright ones of a shape of their own; and
+  /// fewer of those that single pixels and coding explain. Not where streaks are searched: a short one is as
+  /// well explained by stars in a row, and its pieces are no stars of a shape of their own.
   bool close_ones = true;
 };
 
@@ -23,7 +24,9 @@ struct StarField {
   std::vector<Star> stars;  ///< brightest first
   /// Of each star: its light may be a piece of a streak's, or of a blend (wide, or touched by another).
   std::vector<bool> doubtful;
-  double shot = 0;            ///< variance that a pixel's light adds to the noise of 1, per light
+  double shot = 0;  ///< variance that a pixel's light adds to the noise of 1, per light
+  /// Share of the light of the brightest that their shape leaves, beyond the noise; 0: too few to tell.
+  double shape_error = 0;
   Plane residual;             ///< signal minus the stars' light, in noise
   Plane spare;                ///< as large, of no meaning: memory that need not be asked for again
   Grid<std::uint8_t> masked;  ///< 1: what looked like a star here was none (a particle, a defect)

@@ -13,6 +13,8 @@
 #include "image/line_search.hpp"
 #include "image/place_index.hpp"
 #include "image/rows.hpp"
+#include "image/searched_sky.hpp"
+#include "image/trail_finder.hpp"
 #include "image/two_stars.hpp"
 
 namespace srfs::image {
@@ -21,14 +23,10 @@ namespace {
 constexpr double hit_least = 5.2;
 constexpr float cell_clip = 5;  ///< what one cell counts at most in a line: a star makes none
 constexpr int fits_max = 400;   ///< candidates that are fitted
-constexpr int box_radius = 16;  ///< of the high-pass
 constexpr int cell_px = 2;      ///< of the line search
 /// A star that a piece of a streak was taken for is at most so much brighter than the streak.
 constexpr double piece_most = 2.2;
 constexpr double model_error = 0.05;
-/// Where the noise is so many times that of the calm quarter of the frame there are trees, buildings or the
-/// Earth, and edges in all directions.
-constexpr float unrest_most = 5;
 
 /// For the quick check of a line: what one place counts at most, and what the sum has to be, in errors.
 constexpr double on_clip = 4;
@@ -44,9 +42,8 @@ constexpr double even_share = 0.35;
 /// have to be so many times more significant.
 constexpr std::size_t dark_line = 5;
 constexpr double dark_share = 1.2;
-/// Places along a line that are checked. A line that lies on a streak already found in so many of them shows
-/// the streak's light; in fewer, it crosses it.
-constexpr int places = 9;
+/// A line that lies on a streak already found in so many of its places shows the streak's light; in fewer,
+/// it crosses it.
 constexpr int known_least = 4;
 /// What a line leaves of the light around it, on average of the pixels: their squares in noise, which is at
 /// least this share of its light, each up to a limit. More: something that is no line.
@@ -60,12 +57,15 @@ constexpr double dark_piece = 0.4;
 constexpr double dark_pieces_most = 0.25;
 /// The least length where no star shows the width.
 constexpr double unsure_length_px = 16;
+/// Stars of which the common shape leaves so much have tails or wings of their own. Streaks have to be so
+/// many FWHM long, and the more significant the more the shape leaves.
+constexpr double odd_stars = 0.07;
+constexpr double odd_length = 6;
+constexpr double odd_limit = 3;
+constexpr double odd_limit_most = 1.8;
 /// Most of what lies beside a line has at most so much of its height, and all of it but one line.
 constexpr double middle_beside = 0.3;
 constexpr double second_beside = 0.4;
-/// A line may lie beside no sky on so much of its length.
-constexpr double no_sky_most = 0.3;
-constexpr int no_sky_reach_px = 24;
 /// Nothing in the sky is dark: between branches or wires there is light of which as much is missing beside
 /// it.
 constexpr double dark_beside = 0.35;
@@ -80,68 +80,15 @@ constexpr std::size_t glaring_stars_most = 200;
 constexpr double ray_error = 3;
 /// As wide as that is a particle's track at most.
 constexpr double track_width_px = 1.55;
-/// A detector's outermost rows and columns and what is amplified beside them: as wide as this share of a line
-/// along them, within limits.
-constexpr double edge_share = 0.2;
-constexpr double edge_most_px = 8;
+/// Of a trail's length: so long is the same line found by its shape.
+constexpr double same_length = 0.88;
+/// SNR of a piece as long as it is wide, about: what is brighter shows its own ends.
+constexpr double clear_trail = 2;
+/// A star on a trail is at least so many times as bright.
+constexpr double trail_star_most = 4;
 /// How much worse a line may fit than stars in its place, of the square of its SNR: the brighter it is, the
 /// more the model's errors count.
 constexpr double model_share = 0.005;
-
-/// What a quarter of the frame's cells stay below.
-float calm_noise(const Surface& noise) {
-  std::vector<float> nodes(noise.nodes().cells().begin(), noise.nodes().cells().end());
-  // Black corners have no noise at all, but exactly the floor's.
-  const float floor = *std::min_element(nodes.begin(), nodes.end());
-  std::vector<float> lit;
-  std::copy_if(nodes.begin(), nodes.end(), std::back_inserter(lit), [&](float v) { return v > floor; });
-  if (lit.size() > nodes.size() / 4) nodes = std::move(lit);
-  const auto quarter = nodes.begin() + static_cast<std::ptrdiff_t>(nodes.size() / 4);
-  std::nth_element(nodes.begin(), quarter, nodes.end());
-  return *quarter;
-}
-
-/// Takes away what is larger than a streak is wide: the mean of the clipped surroundings.
-void high_pass(Plane& plane) {
-  const int w = plane.width();
-  const int h = plane.height();
-  const int ring = 2 * box_radius + 2;
-  std::vector<float> column(static_cast<std::size_t>(w), 0.0F);
-  std::vector<float> sums(static_cast<std::size_t>(w) + 1);
-  Plane clipped(w, std::min(h, ring));  // the rows in the box, before they change
-  int rows = 0;
-  const auto add = [&](int y) {
-    clip_row(plane.row(y), 3, clipped.row(y % ring), w);
-    add_row(clipped.row(y % ring), column.data(), w);
-    ++rows;
-  };
-  for (int y = 0; y < std::min(h, box_radius); ++y) add(y);
-  for (int y = 0; y < h; ++y) {
-    if (y + box_radius < h) add(y + box_radius);
-    if (y - box_radius - 1 >= 0) {
-      subtract(column.data(), clipped.row((y - box_radius - 1) % ring), w);
-      --rows;
-    }
-    float sum = 0;
-    for (int x = 0; x < w; ++x)
-      sums[static_cast<std::size_t>(x) + 1] = sum += column[static_cast<std::size_t>(x)];
-    float* to = plane.row(y);
-    const auto mean = [&](int from, int end) {
-      return (sums[static_cast<std::size_t>(end)] - sums[static_cast<std::size_t>(from)]) /
-             static_cast<float>(rows * (end - from));
-    };
-    const int inside_from = std::min(w, box_radius);
-    const int inside_end = std::max(inside_from, w - box_radius);
-    for (int x = 0; x < inside_from; ++x)
-      to[x] -= mean(std::max(0, x - box_radius), std::min(w, x + box_radius + 1));
-    const float share = 1 / static_cast<float>(rows * (2 * box_radius + 1));
-    for (int x = inside_from; x < inside_end; ++x)
-      to[x] -= share * (sums[static_cast<std::size_t>(x + box_radius) + 1] -
-                        sums[static_cast<std::size_t>(x - box_radius)]);
-    for (int x = inside_end; x < w; ++x)
-      to[x] -= mean(std::max(0, x - box_radius), std::min(w, x + box_radius + 1));
-  }
-}
 
 /// Whether the frame was coded in blocks of 8 x 8 pixels (JPEG): between them values change more than within.
 bool is_made_of_blocks(const Plane& signal) {
@@ -201,7 +148,7 @@ class Finder {
         options_(options),
         sigma_(double(clean.psf.sigma_px())),
         fwhm_(clean.psf.fwhm_px()),
-        calm_noise_adu_(calm_noise(clean.noise_adu)),
+        sky_(clean),
         light_(std::move(field.residual)),
         mask_(std::move(field.masked)),
         places_(field.stars),
@@ -214,7 +161,7 @@ class Finder {
     std::vector<Seed> seeds = find_seeds();
     int fits = 0;
     for (const Seed& seed : seeds) {
-      if (is_known(seed.line) || is_in_unrest(seed.line) || is_beside_no_sky(seed.line)) continue;
+      if (is_known(seed.line) || sky_.is_in_unrest(seed.line) || sky_.is_beside_no_sky(seed.line)) continue;
       if (!looks_like_streak(seed.line)) continue;
       if (++fits > fits_max) break;
       examine(seed.line);
@@ -224,6 +171,8 @@ class Finder {
     return result();
   }
 
+  /// Memory as large as the frame. @post nothing else is called
+  [[nodiscard]] Plane take_spare() { return std::move(filtered_); }
   /// @param star  its index in the field
   [[nodiscard]] bool is_part_of_streak(std::size_t star) const { return taken_[star]; }
 
@@ -305,6 +254,7 @@ class Finder {
     double correlation = 0;
     const Plane cells = binned(correlation);
     if (is_made_of_blocks(clean_.signal)) raise_limit(cells, correlation);
+    restless_ *= std::clamp(1 + odd_limit * (field_.shape_error - odd_stars), 1.0, odd_limit_most);
     for (const LineHit& hit : search_lines(cells, correlation, hit_least * restless_, cell_clip)) {
       const auto px = [](double cell) { return cell * cell_px + (cell_px - 1) / 2.0; };
       seeds.push_back({Line{px(hit.x1), px(hit.y1), px(hit.x2), px(hit.y2)}, hit.significance});
@@ -435,17 +385,6 @@ class Finder {
     return double(median_of(seen)) > even_share * light - 2 * error;
   }
 
-  /// Of how many of the places along a line it is true.
-  template <class Is>
-  [[nodiscard]] static int places_along(const Line& l, Is&& is) {
-    int count = 0;
-    for (int k = 0; k < places; ++k) {
-      const double t = (k + 0.5) / places;
-      count += is(l.x1 + t * (l.x2 - l.x1), l.y1 + t * (l.y2 - l.y1));
-    }
-    return count;
-  }
-
   /// Within the light of a streak already found, or about the same as one refused.
   [[nodiscard]] bool is_known(const Line& seed) const {
     for (const Found& f : found_) {
@@ -458,29 +397,6 @@ class Finder {
       return band.length() < 2.2 * length && band.contains(seed.x1, seed.y1) &&
              band.contains(seed.x2, seed.y2);
     });
-  }
-
-  [[nodiscard]] bool is_in_unrest(const Line& l) const {
-    const auto restless = [&](double x, double y) {
-      return clean_.noise_adu.at(x, y) > unrest_most * calm_noise_adu_;
-    };
-    return restless(l.x1, l.y1) || restless(l.x2, l.y2) || restless((l.x1 + l.x2) / 2, (l.y1 + l.y2) / 2);
-  }
-
-  /// Too much of it lies at edges of something dark, where every line is one of its own.
-  [[nodiscard]] bool is_beside_no_sky(const Line& l) const {
-    if (clean_.no_sky == 0) return false;
-    constexpr std::array<int, 3> around{-no_sky_reach_px, 0, no_sky_reach_px};
-    const auto dark = [&](double x, double y) {
-      return std::any_of(around.begin(), around.end(), [&](int dy) {
-        return std::any_of(around.begin(), around.end(), [&](int dx) {
-          const int i = static_cast<int>(x) + dx;
-          const int j = static_cast<int>(y) + dy;
-          return clean_.flaws.contains(i, j) && (clean_.flaws.at(i, j) & flaw_no_sky) != 0;
-        });
-      });
-    };
-    return places_along(l, dark) > no_sky_most * places;
   }
 
   [[nodiscard]] static bool is_on(const Line& l, double x, double y, double reach) {
@@ -519,8 +435,10 @@ class Finder {
 
   [[nodiscard]] double shortest_px() const {
     const double visible = std::max(0.75 * options_.length_least_px, 1.3 * fwhm_);
-    // Where no star says how sharp the optics are, a short one may be a star. Other frames can tell.
-    return !clean_.psf_measured && options_.caution > 0 ? std::max(visible, unsure_length_px) : visible;
+    if (options_.caution <= 0) return visible;  // other frames tell
+    // Where no star says how sharp the optics are, a short one may be a star; where stars have tails, too.
+    if (!clean_.psf_measured) return std::max(visible, unsure_length_px);
+    return field_.shape_error > odd_stars ? std::max(visible, odd_length * fwhm_) : visible;
   }
 
   [[nodiscard]] double noise_at(const Line& l) const {
@@ -772,18 +690,8 @@ class Finder {
     // sharper than stars, which the air and the mount have moved during the exposure.
     const double narrowest = std::clamp(track_width_px / fwhm_, 0.75, 0.92);
     if (l.scale > 1.2 + error || l.scale < narrowest - error) return false;
-    return !is_along_edge(l) && !is_beside_no_sky(l) && is_even(l, snr) && stands_out(l, snr) &&
-           !is_ray_of_star(l);
-  }
-
-  /// Both ends at the same edge of the frame, where nothing is seen on the other side.
-  [[nodiscard]] bool is_along_edge(const Line& l) const {
-    const double right = light_.width() - 1;
-    const double bottom = light_.height() - 1;
-    const double most = std::min({edge_most_px, right / 16, bottom / 16});
-    const double margin = std::max(0.75 * fwhm_ + 1, std::min(edge_share * l.length(), most));
-    return std::max(l.x1, l.x2) < margin || std::min(l.x1, l.x2) > right - margin ||
-           std::max(l.y1, l.y2) < margin || std::min(l.y1, l.y2) > bottom - margin;
+    return !sky_.is_along_edge(l, fwhm_) && !sky_.is_beside_no_sky(l) && is_even(l, snr) &&
+           stands_out(l, snr) && !is_ray_of_star(l);
   }
 
   /// Beside what lines next to it show: a ridge of something wide, and in crowds of faint stars every line,
@@ -956,7 +864,7 @@ class Finder {
   const StreakOptions& options_;
   double sigma_;
   double fwhm_;
-  float calm_noise_adu_;
+  SearchedSky sky_;
   Plane light_;  ///< without background and certain stars, in noise
   Grid<std::uint8_t> mask_;
   PlaceIndex places_;  ///< of the stars
@@ -971,13 +879,58 @@ class Finder {
   std::vector<bool> shown_;         ///< stars whose light is in light_
 };
 
+/// Whether a streak is a piece of a trail, or the same.
+bool is_piece_of(const Streak& piece, const Streak& trail) {
+  const Along line(Line{trail.x1, trail.y1, trail.x2, trail.y2});
+  const double reach = 0.8 * std::max(piece.width_px, trail.width_px) + 3;
+  const double x = (piece.x1 + piece.x2) / 2;
+  const double y = (piece.y1 + piece.y2) / 2;
+  return line.beyond(x, y) == 0 && line.across(piece.x1, piece.y1) < reach &&
+         line.across(piece.x2, piece.y2) < reach;
+}
+
+/// Of a line that both finders have, the matched one is more exact, where it is not only a piece.
+void merge_trails(std::vector<Streak>&& trails, std::vector<Streak>& streaks) {
+  for (Streak& trail : trails) {
+    // Where the noise hides a trail's ends, those of the matched line are as good.
+    const double length = trail.length_px();
+    const bool is_clear = trail.snr > clear_trail * std::sqrt(length);
+    const double same =
+        is_clear ? std::min(same_length * length, length - 3 * trail.width_px - 4) : 0.5 * length;
+    const auto is_same = [&](const Streak& s) { return is_piece_of(s, trail) && s.length_px() > same; };
+    const bool contained = std::any_of(streaks.begin(), streaks.end(), [&](const Streak& s) {
+      return is_piece_of(trail, s) && trail.length_px() < s.length_px();
+    });
+    if (contained || std::any_of(streaks.begin(), streaks.end(), is_same)) continue;
+    std::erase_if(streaks, [&](const Streak& s) { return is_piece_of(s, trail); });
+    streaks.push_back(trail);
+  }
+  std::sort(streaks.begin(), streaks.end(), [](const Streak& a, const Streak& b) { return a.snr > b.snr; });
+}
+
+/// Stars that a trail's light was taken for: on it, and not much brighter than it.
+void drop_stars_of(const std::vector<Streak>& trails, const CleanFrame& clean, StarField& field) {
+  for (const Streak& t : trails) {
+    const Along line(Line{t.x1, t.y1, t.x2, t.y2});
+    const double height = t.flux / (t.length_px() * 1.064 * t.width_px);
+    std::erase_if(field.stars, [&](const Star& s) {
+      return line.beyond(s.x, s.y) == 0 && line.across(s.x, s.y) < 0.8 * t.width_px + 0.5 &&
+             s.flux / clean.psf.flux() < trail_star_most * height;
+    });
+  }
+}
+
 }  // namespace
 
 std::vector<Streak> find_streaks(const CleanFrame& clean, StarField& field, const StreakOptions& options) {
   Finder finder(clean, field, options);
   std::vector<Streak> streaks = finder.run();
+  std::vector<Streak> trails =
+      find_trails(clean, field.stars, {options.snr_least, options.length_least_px}, finder.take_spare());
   std::size_t i = 0;
   std::erase_if(field.stars, [&](const Star&) { return finder.is_part_of_streak(i++); });
+  drop_stars_of(trails, clean, field);
+  merge_trails(std::move(trails), streaks);
   return streaks;
 }
 

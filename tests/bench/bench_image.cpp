@@ -22,6 +22,7 @@
 #include "image/file/frame_file.hpp"
 #include "image/star_catalogue.hpp"
 #include "tests/bench/lossless.hpp"
+#include "tests/sky/lens_frame.hpp"
 #include "tests/sky/sky_frame.hpp"
 
 namespace {
@@ -249,6 +250,155 @@ void make_sequence(const Options& o, SkyRandom& random, int number) {
   std::ofstream(name + ".json") << truth.dump();
 }
 
+// --- small real cameras ---
+
+/// A lens with faults in front of a finder camera of 8 bits, of a sensor without a dark, or of one whose
+/// frames are compressed.
+LensScene random_lens(const Options& o, SkyRandom& random) {
+  LensScene s;
+  s.width = o.width;
+  s.height = o.height;
+  const double kind = random.uniform();
+  const bool finder = kind < 0.35;
+  const bool jpeg = kind > 0.7;
+  s.lens.fwhm_px = finder ? random.uniform(0.85, 2.4)
+                   : jpeg ? random.uniform(1.6, 4)
+                          : random.uniform(1.0, 4);
+  s.lens.moffat_beta = random.uniform() < 0.5 ? 0 : random.uniform(2.5, 5);
+  s.lens.wider = random.uniform(0, 1);
+  s.lens.astigmatism = random.uniform(-0.5, 0.8);
+  s.lens.coma_px = random.uniform() < 0.3 ? 0 : random.uniform(1, 4) * s.lens.fwhm_px;
+  s.lens.tilt_px = random.uniform() < 0.7 ? 0 : random.uniform(0.5, 2) * s.lens.fwhm_px;
+  s.lens.drift_px = random.uniform() < 0.75 ? 0 : random.uniform(0.5, 2) * s.lens.fwhm_px;
+  if (random.uniform() < 0.5) {
+    s.lens.halo_share = random.uniform(0.05, 0.35);
+    s.lens.halo_wider = random.uniform(3, 7);
+  }
+  s.lens.vignette = random.uniform(0, 0.6);
+  Detector& d = s.detector;
+  d.background_e = 20 * std::exp(random.uniform(0, 3));
+  d.read_noise_e = random.uniform(3, 12);
+  const double noise_e = std::sqrt(d.background_e + d.read_noise_e * d.read_noise_e);
+  const double megapixels = o.width * o.height / 1e6;
+  if (finder || jpeg) {
+    d.gain_e_per_adu = noise_e / random.uniform(0.6, 3);
+    d.bias_adu = random.uniform(2, 12);
+    d.saturation_adu = 255;
+    if (random.uniform() < (jpeg ? 0.5 : 0.15)) {
+      d.gamma = random.uniform(1.5, 2.4);
+      // The noise of the sky is as many steps as without.
+      const double range = d.saturation_adu - d.bias_adu;
+      const double steps = noise_e / d.gain_e_per_adu;
+      const double sky = std::pow(steps * d.gamma * d.background_e / noise_e / range, d.gamma);
+      d.gain_e_per_adu = d.background_e / (range * sky);
+    }
+    if (jpeg) d.jpeg_quality = static_cast<int>(random.uniform(75, 97));
+  } else {
+    d.gain_e_per_adu = noise_e / random.uniform(3, 12);
+    d.saturation_adu = 4095;
+  }
+  if (!jpeg) {
+    d.column_pattern_e = random.uniform(0, 0.8) * noise_e;
+    d.row_pattern_e = random.uniform(0, 0.6) * noise_e;
+    d.pixel_pattern_e = random.uniform(0, 0.6) * noise_e;
+    d.warm_share = 0.02 * std::pow(random.uniform(), 2);
+    d.warm_e = random.uniform(2, 12) * noise_e;
+    d.cosmic_rays = static_cast<int>(random.uniform(0, 30) * megapixels);
+  }
+  s.seed = static_cast<std::uint64_t>(random.uniform() * 1e15);
+  return s;
+}
+
+std::vector<SkyStar> lens_stars(const LensScene& scene, SkyRandom& random, double per_megapixel) {
+  std::vector<SkyStar> stars;
+  const double unit = flux_for_snr(scene, 1);
+  const int n = static_cast<int>(per_megapixel * scene.width * scene.height / 1e6);
+  for (int i = 0; i < n; ++i) {
+    const double x = random.uniform(-0.5, scene.width - 0.5);
+    const double y = random.uniform(-0.5, scene.height - 0.5);
+    const bool bright = random.uniform() < 0.12;  // as many in each decade, as finders show
+    const double snr = bright ? 30 * std::exp(random.uniform(0, 6.5)) : 4 / (1 - random.uniform());
+    stars.push_back({x, y, unit * std::min(20000.0, snr)});
+  }
+  return stars;
+}
+
+/// Wider or sharper than stars, ragged, with gaps; a third of them across the whole frame.
+LensTrail random_trail(const LensScene& scene, SkyRandom& random) {
+  LensTrail t{};
+  t.fwhm_px = std::max(0.6, scene.lens.fwhm_px * 0.6 * std::exp(random.uniform(0, std::log(4 / 0.6))));
+  t.ragged = random.uniform() < 0.4 ? 0 : random.uniform(0, 0.6);
+  t.wobble_px = random.uniform() < 0.5 ? 0 : random.uniform(0, 0.3) * t.fwhm_px;
+  t.gaps = random.uniform() < 0.6 ? 0 : random.uniform(0.1, 0.4);
+  t.gap_px = random.uniform(12, 45);
+  const double across = std::hypot(t.fwhm_px, 0.7);
+  const double height = 2.5 * std::exp(random.uniform(0, 3.3));  // of its middle, in noise
+  t.flux_e_px = height * std::sqrt(sky_variance(scene)) * across * 1.0645;
+  const double angle = random.uniform(0, std::numbers::pi);
+  const double ux = std::cos(angle);
+  const double uy = std::sin(angle);
+  const double x = random.uniform(0.25, 0.75) * scene.width;
+  const double y = random.uniform(0.25, 0.75) * scene.height;
+  double half = random.uniform(20, 180);
+  const bool whole = random.uniform() < 0.34;
+  const double right = scene.width - 1;
+  const double bottom = scene.height - 1;
+  const auto until = [&](double way) {  // the frame's edge, or the end
+    double t_most = whole ? 1e9 : half;
+    if (way * ux > 1e-9) t_most = std::min(t_most, (right - x) / (way * ux));
+    if (way * ux < -1e-9) t_most = std::min(t_most, -x / (way * ux));
+    if (way * uy > 1e-9) t_most = std::min(t_most, (bottom - y) / (way * uy));
+    if (way * uy < -1e-9) t_most = std::min(t_most, -y / (way * uy));
+    return t_most;
+  };
+  const double back = until(-1);
+  const double ahead = until(1);
+  t.x1 = x - back * ux, t.y1 = y - back * uy;
+  t.x2 = x + ahead * ux, t.y2 = y + ahead * uy;
+  return t;
+}
+
+void make_lens_frame(const Options& o, SkyRandom& random, int number) {
+  const LensScene scene = random_lens(o, random);
+  const double density = std::exp(random.uniform(std::log(100.0), std::log(1500.0)));
+  const std::vector<SkyStar> stars = lens_stars(scene, random, density);
+  std::vector<LensTrail> trails;
+  for (int i = 0; i < (o.set == "trails" ? 2 : 0); ++i) trails.push_back(random_trail(scene, random));
+  image::Plane plane(scene.width, scene.height);
+  const std::vector<float> adu = render_lens(scene, stars, trails);
+  std::copy(adu.begin(), adu.end(), plane.cells().begin());
+  const std::string name = fmt::format("{}/{}_{:03}", o.folder, o.set, number);
+  if (const auto written = image::write_fits(name + ".fits", plane); !written)
+    throw std::runtime_error(written.error().reason);
+  Json truth{{"fwhm", scene.lens.fwhm_px},
+             {"coma", scene.lens.coma_px + scene.lens.tilt_px},
+             {"drift", scene.lens.drift_px},
+             {"wider", scene.lens.wider},
+             {"astigmatism", scene.lens.astigmatism},
+             {"gamma", scene.detector.gamma},
+             {"halo", scene.lens.halo_share},
+             {"jpeg_quality", scene.detector.jpeg_quality},
+             {"saturation", scene.detector.saturation_adu},
+             {"warm_share", scene.detector.warm_share},
+             {"noise_adu", std::sqrt(sky_variance(scene)) / scene.detector.gain_e_per_adu},
+             {"stars", Json::array()},
+             {"streaks", Json::array()}};
+  const std::vector<double> snrs = star_snrs(scene, stars);
+  for (std::size_t i = 0; i < stars.size(); ++i)
+    truth["stars"].push_back({{"x", stars[i].x}, {"y", stars[i].y}, {"snr", snrs[i]}});
+  for (const LensTrail& t : trails)
+    truth["streaks"].push_back(
+        {{"x1", t.x1},
+         {"y1", t.y1},
+         {"x2", t.x2},
+         {"y2", t.y2},
+         {"width", std::hypot(t.fwhm_px, 0.7)},
+         {"height", t.flux_e_px / std::hypot(t.fwhm_px, 0.7) / 1.0645 / std::sqrt(sky_variance(scene))},
+         {"ragged", t.ragged},
+         {"gaps", t.gaps}});
+  std::ofstream(name + ".json") << truth.dump();
+}
+
 // --- real sky ---
 
 /// Of a lens: the width of its field, and how far it displaces the frame's corners (over their distance).
@@ -357,6 +507,10 @@ void make(const Options& o) {
     for (int i = 0; i < o.frames; ++i) make_sequence(o, random, i);
     return;
   }
+  if (o.set == "camera" || o.set == "trails") {
+    for (int i = 0; i < o.frames; ++i) make_lens_frame(o, random, i);
+    return;
+  }
   for (int i = 0; i < o.frames; ++i) {
     const SkyScene scene = random_scene(o, random);
     const double density = std::exp(random.uniform(std::log(150.0), std::log(2500.0)));
@@ -375,8 +529,8 @@ int main(int argc, char** argv) {
   Options options;
   app.add_option("FOLDER", options.folder)->required()->check(CLI::ExistingDirectory);
   app.add_option("--set", options.set, "What is in them; lossless: measures how they are packed, writes none")
-      ->check(CLI::IsMember(
-          {"stars", "streaks", "short", "empty", "sequence", "plate", "lens", "passes", "lossless"}))
+      ->check(CLI::IsMember({"stars", "streaks", "short", "empty", "sequence", "plate", "lens", "camera",
+                             "trails", "passes", "lossless"}))
       ->capture_default_str();
   app.add_option("--frames", options.frames, "Frames, or sequences of eight")
       ->check(CLI::Range(1, 999))

@@ -60,7 +60,8 @@ Json to_json(const Star& s, int frame) {
           {"y", rounded(s.y, 1e-4)},
           {"flux", rounded(s.flux, 1e-2)},
           {"snr", rounded(s.snr, 1e-3)},
-          {"fwhm", rounded(s.fwhm_px, 1e-3)}};
+          {"fwhm", rounded(s.fwhm_px, 1e-3)},
+          {"flags", s.flags}};
 }
 
 Json to_json(const Streak& s, int frame) {
@@ -71,7 +72,8 @@ Json to_json(const Streak& s, int frame) {
             {"y2", rounded(s.y2, 1e-3)},
             {"snr", rounded(s.snr, 1e-3)},
             {"flux", rounded(s.flux, 1e-2)},
-            {"width", rounded(s.width_px, 1e-3)}};
+            {"width", rounded(s.width_px, 1e-3)},
+            {"raggedness", rounded(s.raggedness, 1e-3)}};
   if (s.sky) json["sky"] = to_json(*s.sky);
   return json;
 }

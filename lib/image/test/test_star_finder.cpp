@@ -293,6 +293,93 @@ TEST(StarFinder, TakesAGlowingDiscForNoStar) {
   }
 }
 
+/// A lens that is sharper than its pixels: most of a star's light is in one of them.
+TEST(StarFinder, FindsStarsSharperThanThePixelsOfAFinder) {
+  for (const double fwhm : {0.75, 0.9, 1.1}) {
+    for (const double spacing : {48.37, 90.3}) {  // few stars do not show their shape
+      const hw_sim::LensScene scene = finder_scene(fwhm, 201);
+      const std::vector<SkyStar> truth = lattice(scene, 30, 150, spacing);
+
+      const std::vector<Star> found = stars_in(frame_of(scene, truth));
+
+      // At some places in a pixel they look like a warm one.
+      EXPECT_LE(count_lost(found, truth), static_cast<long>(truth.size()) / (fwhm < 0.9 ? 4 : 8)) << fwhm;
+      EXPECT_LE(count_false(found, truth), false_most) << fwhm << " px, " << truth.size() << " stars";
+    }
+  }
+}
+
+/// Bright stars of a lens with coma have tails, and are saturated.
+TEST(StarFinder, KeepsBrightStarsWithTails) {
+  hw_sim::LensScene scene = finder_scene(1.9, 202);
+  scene.lens.coma_px = 7;
+  scene.lens.tilt_px = 2;
+  scene.lens.wider = 0.8;
+  const std::vector<SkyStar> truth = lattice(scene, 30, 3000);
+
+  const std::vector<Star> found = stars_in(frame_of(scene, truth));
+
+  for (const SkyStar& t : truth) EXPECT_NE(nearest(found, t.x, t.y, 4), nullptr) << t.x << ", " << t.y;
+  EXPECT_LE(found.size(), 2 * truth.size());  // parts of tails look like stars
+}
+
+TEST(StarFinder, SaysWhichStarsAreSaturatedOrBlended) {
+  SkyScene scene = small_scene(2.6, 203);
+  scene.saturation_adu = 4000;
+  std::vector<SkyStar> truth = lattice(scene, 60, 70.3);
+  truth.push_back({150.3, 120.7, 300000});
+  truth.push_back({60, 55, hw_sim::flux_for_snr(scene, 60, 55, 80)});
+  truth.push_back({64, 55, hw_sim::flux_for_snr(scene, 64, 55, 60)});
+
+  const std::vector<Star> found = stars_in(frame_of(scene, truth));
+
+  ASSERT_NE(nearest(found, 150.3, 120.7, 0.5), nullptr);
+  EXPECT_TRUE((nearest(found, 150.3, 120.7, 0.5)->flags & star_saturated) != 0);
+  ASSERT_NE(nearest(found, 60, 55, 0.7), nullptr);
+  EXPECT_TRUE((nearest(found, 60, 55, 0.7)->flags & star_blended) != 0);
+  ASSERT_NE(nearest(found, truth[2].x, truth[2].y, 0.7), nullptr);
+  EXPECT_EQ(nearest(found, truth[2].x, truth[2].y, 0.7)->flags, 0);
+}
+
+/// A warm sensor without a dark frame.
+TEST(StarFinder, TakesWarmPixelsForNoStars) {
+  hw_sim::LensScene scene = finder_scene(1.4, 204);
+  scene.detector.warm_share = 0.02;
+  scene.detector.warm_e = 80;
+  scene.detector.column_pattern_e = 5;
+  scene.detector.row_pattern_e = 4;
+  const std::vector<SkyStar> truth = lattice(scene, 30, 300);
+
+  const std::vector<Star> found = stars_in(frame_of(scene, truth));
+
+  EXPECT_LE(count_lost(found, truth), 1);
+  EXPECT_LE(count_false(found, truth), 6);
+}
+
+/// What JPEG leaves of faint noise is flat in most blocks and loud in some.
+TEST(StarFinder, TakesTheBlocksOfAPhotographForNoStars) {
+  hw_sim::LensScene scene = finder_scene(2.6, 205);
+  scene.detector.gain_e_per_adu = 11;
+  scene.detector.jpeg_quality = 82;
+  scene.lens.vignette = 0.4;
+  const std::vector<SkyStar> truth = lattice(scene, 40, 400);
+
+  const std::vector<Star> found = stars_in(frame_of(scene, truth));
+
+  EXPECT_LE(count_lost(found, truth), 1);
+  EXPECT_LE(count_false(found, truth), 20);
+}
+
+TEST(StarFinder, TakesTheWidthThatTheOperatorGives) {
+  const hw_sim::LensScene scene = finder_scene(3, 206);
+  FrameFindings findings;
+  const CleanFrame clean = clean_frame(frame_of(scene, {{100, 100, 3e4}}), findings, {.fwhm_px = 3});
+
+  EXPECT_EQ(findings.fwhm_px, 3);
+  EXPECT_TRUE(findings.notes.empty());
+  EXPECT_NE(nearest(find_stars(clean, {}).stars, 100, 100, 0.5), nullptr);
+}
+
 TEST(StarFinder, FindsNothingInNoise) {
   std::size_t found = 0;
   for (std::uint64_t seed = 1; seed <= 5; ++seed)

@@ -400,6 +400,68 @@ TEST(StreakFinder, MakesOneOfPiecesThatAStarSeparates) {
   EXPECT_LT(end_error(found[0], truth), 9);  // 5 % of its length
 }
 
+using hw_sim::LensTrail;
+
+/// The only streak found in a frame of a finder camera with this trail and stars.
+void expect_trail(const LensTrail& t, std::uint64_t seed, double length_share) {
+  hw_sim::LensScene scene = finder_scene(2, seed);
+  scene.width = 480, scene.height = 360;
+  const std::vector<SkyStar> stars = lattice(scene, 8, 200);
+
+  const std::vector<Streak> found = streaks_in(frame_of(scene, stars, {t}));
+
+  ASSERT_EQ(found.size(), 1U) << t.fwhm_px << " px, gaps " << t.gaps;
+  const double length = std::hypot(t.x2 - t.x1, t.y2 - t.y1);
+  EXPECT_NEAR(found[0].length_px(), length, length_share * length) << t.fwhm_px << " px, gaps " << t.gaps;
+  EXPECT_NEAR(found[0].width_px, std::hypot(t.fwhm_px, 0.7), 0.3 * t.fwhm_px + 0.3) << "gaps " << t.gaps;
+}
+
+TEST(StreakFinder, FindsTrailsWiderAndSharperThanStars) {
+  for (const double fwhm : {0.8, 1.2, 3.0, 5.0, 8.0})
+    expect_trail({90, 80, 330, 241, 16 * 10 * fwhm, fwhm}, 301, 0.1);
+}
+
+TEST(StreakFinder, FindsRaggedTrailsAndThoseWithGaps) {
+  for (const double gaps : {0.0, 0.15, 0.35})
+    expect_trail({90, 240, 400, 71, 16 * 12 * 3.0, 3, 0.4, 0.4, gaps, 25}, 302, 0.1);
+}
+
+TEST(StreakFinder, FindsTrailsFromEdgeToEdge) {
+  expect_trail({0, 31, 479, 322, 20 * 10 * 4.0, 4}, 303, 0.05);
+  expect_trail({0, 202, 479, 180, 20 * 10 * 2.4, 2.4}, 304, 0.05);
+}
+
+/// Its light is as wide as that of stars, but has not their wings: the brighter it is, the more that shows.
+TEST(StreakFinder, FindsStreaksWithoutTheStarsWingsTheBrighterTheSurer) {
+  for (const double height : {10.0, 40.0, 160.0}) {
+    SkyScene scene = small_scene(2.6, 305);
+    scene.moffat_beta = 2.5;
+    const SkyStreak truth{70.3, 60.2, 239.7, 170.4, 0};
+    Frame frame = frame_of(scene, beside(lattice(scene, 60, 57.9), truth));
+    const double angle = std::atan2(truth.y2 - truth.y1, truth.x2 - truth.x1);
+    const double half = std::hypot(truth.x2 - truth.x1, truth.y2 - truth.y1) / 2;
+    add_light(frame, 155, 115.3, angle, [&](double along, double across) {
+      return std::abs(along) < half ? 15.6 * height * std::exp(-across * across / (2 * 0.95 * 0.95)) : 0;
+    });
+
+    const std::vector<Streak> found = streaks_in(frame);
+
+    ASSERT_EQ(found.size(), 1U) << height;
+    EXPECT_LT(end_error(found[0], truth), 8) << height;
+  }
+}
+
+TEST(StreakFinder, FindsAGlaringStreakAmongFewStars) {
+  const hw_sim::LensScene scene = finder_scene(2, 306);
+  const std::vector<SkyStar> stars{{60, 170, 3000}, {250, 40, 2500}};
+
+  const std::vector<Streak> found =
+      streaks_in(frame_of(scene, stars, {{40, 50, 270, 205, 16 * 80 * 2.0, 2}}));
+
+  ASSERT_EQ(found.size(), 1U);
+  EXPECT_NEAR(found[0].length_px(), 277, 14);
+}
+
 TEST(StreakFinder, FindsNothingWhereThereIsNothing) {
   for (const auto& [width, height] : {std::pair{1, 1}, {1, 200}, {5, 3}, {150, 130}}) {
     Frame frame;

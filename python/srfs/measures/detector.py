@@ -235,7 +235,7 @@ class TrackletScore:
                 "streaks_10_20_after_veto": {key: streaks[key] for key in ("streaks", "recall", "false_per_frame")}, "missed": self.missed[:20]}  # fmt: skip
 
 
-def covered(t, f):
+def covered(t, f, reach=4):
     """Share of the longer one that the two have in common, where they run along each other."""
     length = math.hypot(t["x2"] - t["x1"], t["y2"] - t["y1"])
     ux, uy = (t["x2"] - t["x1"]) / length, (t["y2"] - t["y1"]) / length
@@ -244,10 +244,82 @@ def covered(t, f):
         dx, dy = f["x" + k] - t["x1"], f["y" + k] - t["y1"]
         along.append(dx * ux + dy * uy)
         across.append(abs(ux * dy - uy * dx))
-    if max(across) > 4:
+    if max(across) > reach:
         return 0
     low, high = sorted(along)
     return max(0, min(high, length) - max(low, 0)) / max(length, high - low)
+
+
+class LensScore:
+    """Stars of lenses with faults: those that an operator sees at once, and what is none."""
+
+    BRIGHT = 30
+
+    def __init__(self):
+        self.of = self.hit = self.found = self.real = 0
+        self.missed = []
+
+    def add(self, frame, found):
+        truth = frame["stars"]
+        # The tail of a comatic star pulls its place; which of its points is right is a matter of definition.
+        radius = max(1.5, 0.6 * frame["fwhm"] * (1 + frame["wider"]) + 0.4 * frame["coma"] + 0.3 * frame["drift"])
+        pairs = match(truth, found, radius)
+        bright = [i for i, t in enumerate(truth) if t["snr"] >= self.BRIGHT and all(2 * frame["fwhm"] <= t[a] <= frame[size] - 1 - 2 * frame["fwhm"] for a, size in (("x", "width"), ("y", "height")))]
+        everything, seen = Grid([(t["x"], t["y"]) for t in truth]), Grid([(f["x"], f["y"]) for f in found])
+        for i in bright:
+            t = truth[i]
+            # Two that no lens of this kind separates count as one.
+            beside = [k for _, k in everything.near(t["x"], t["y"], min(3.9, radius)) if k != i and truth[k]["snr"] > t["snr"]]
+            self.of += 1
+            if i in pairs or (beside and seen.near(t["x"], t["y"], min(3.9, 1.5 * radius))):
+                self.hit += 1
+            else:
+                self.missed.append({"frame": frame["file"], **{k: round(t[k], 1) for k in ("x", "y", "snr")}})
+        self.found += len(found)
+        self.real += sum(1 for f in found if everything.near(f["x"], f["y"], min(3.9, radius)))
+
+    def result(self):
+        return {"bright": self.of, "completeness": round(self.hit / self.of, 4), "found": self.found, "purity": round(self.real / self.found, 4) if self.found else None, "missed": self.missed[:20]}
+
+
+class TrailScore:
+    """Trails that are no even lines: found as what they are, once, with their length."""
+
+    def __init__(self):
+        self.of = self.hit = self.whole = self.pieces = self.wrong = self.frames = 0
+        self.missed = []
+
+    def add(self, frame, found):
+        self.frames += 1
+        of_trail = set()
+        for t in frame["streaks"]:
+            length = math.dist((t["x1"], t["y1"]), (t["x2"], t["y2"]))
+            along = [i for i, f in enumerate(found) if lies_on(t, f, max(4, t["width"]))]
+            best = max((covered(t, found[i], max(4, t["width"])) for i in along), default=0)
+            longest = max((math.dist((found[i]["x1"], found[i]["y1"]), (found[i]["x2"], found[i]["y2"])) for i in along), default=0)
+            of_trail.update(along)
+            self.of += 1
+            self.pieces += max(0, len(along) - 1)
+            self.hit += best > 0.5
+            self.whole += abs(longest - length) <= 0.1 * length and best > 0.5
+            if best <= 0.9:
+                self.missed.append({"frame": frame["file"], "covered": round(best, 2), "length": round(length), **{k: round(t[k], 2) for k in ("width", "height", "ragged", "gaps")}})
+        self.wrong += len(found) - len(of_trail)
+
+    def result(self):
+        return {"trails": self.of, "found": round(self.hit / self.of, 4) if self.of else None, "length_within_10_percent": round(self.whole / self.of, 4) if self.of else None,
+                "pieces_more": self.pieces, "false_per_frame": round(self.wrong / self.frames, 4), "missed": self.missed[:40]}  # fmt: skip
+
+
+def lies_on(t, f, reach):
+    """Both ends of a streak lie on a trail."""
+    length = math.dist((t["x1"], t["y1"]), (t["x2"], t["y2"]))
+    ux, uy = (t["x2"] - t["x1"]) / length, (t["y2"] - t["y1"]) / length
+    for k in "12":
+        dx, dy = f["x" + k] - t["x1"], f["y" + k] - t["y1"]
+        if abs(ux * dy - uy * dx) > reach or not -reach - 0.3 * length < dx * ux + dy * uy < 1.3 * length + reach:
+            return False
+    return True
 
 
 def run_timed(command, **options):
@@ -331,6 +403,30 @@ def measure_streaks(bin_dir, frames):
     return score.result()
 
 
+def measure_lens(bin_dir, folder, frames):
+    """Lenses with faults, small detectors, compressed files: no streak is in them."""
+    ours, theirs, wrong = LensScore(), LensScore(), 0
+    has_peer = shutil.which("source-extractor") is not None
+    for fits, truth in frames:
+        _, found = detect(bin_dir, "star_centroid", fits)
+        truth["width"], truth["height"] = found["frames"][0]["width"], found["frames"][0]["height"]
+        ours.add(truth, found["stars"])
+        wrong += len(detect(bin_dir, "streak", fits)[1]["streaks"])
+        if has_peer:
+            theirs.add(truth, peer(fits, folder)[1])
+    result = {"frames": len(frames), "srfs": ours.result(), "false_streaks_per_frame": round(wrong / len(frames), 4)}
+    if has_peer:
+        result["source_extractor"] = theirs.result()
+    return result
+
+
+def measure_trails(bin_dir, frames):
+    score = TrailScore()
+    for fits, truth in frames:
+        score.add(truth, detect(bin_dir, "streak", fits)[1]["streaks"])
+    return score.result()
+
+
 def measure_tracklets(bin_dir, sequences):
     score = TrackletScore()
     for files, truth in sequences:
@@ -406,6 +502,9 @@ def measure(bin_dir, options, say):
         for kind in ("streaks", "short", "empty"):
             say(f"bench image: {kind}")
             result[kind] = measure_streaks(bin_dir, frames_of(bin_dir, folder, kind, options, frames=options.frames))
+        say("bench image: lenses with faults, and trails in their frames")
+        result["camera"] = measure_lens(bin_dir, folder, frames_of(bin_dir, folder, "camera", options, frames=2 * options.frames))
+        result["trails"] = measure_trails(bin_dir, frames_of(bin_dir, folder, "trails", options, frames=2 * options.frames))
         say("bench image: sequences of eight frames")
         result["sequences"] = measure_tracklets(bin_dir, frames_of(bin_dir, folder, "sequence", options, frames=max(2, options.frames // 3)))
         say("bench image: attitude")
@@ -436,6 +535,12 @@ def show(result):
     for name in ("streaks", "short", "empty"):
         row = result[name]
         print(f"  {name}: recall {row['recall']} of {row['streaks']}, {row['false_per_frame']} false a frame; cross-track {row['cross_track_px']}, angle {row['angle_deg']}, length {row['length_px']}")
+    lens, row = result["camera"], result["trails"]
+    for name in ("srfs", "source_extractor"):
+        if name in lens:
+            print(f"  lenses with faults, {name}: {lens[name]['completeness']} of {lens[name]['bright']} stars of SNR >= 30, purity {lens[name]['purity']}")
+    print(f"  the same: {lens['false_streaks_per_frame']} false streaks a frame")
+    print(f"  trails: {row['found']} of {row['trails']} found, length within 10 % {row['length_within_10_percent']}, {row['false_per_frame']} false a frame")
     row = result["sequences"]
     print(f"  tracklets in {row['sequences']} sequences of 8: recall {row['recall']}, {row['false_per_sequence']} false a sequence; registration {row['registration_rms_px']} px rms, {row['frames_not_registered']} frames not registered")
     print(f"  streaks of 10 to 20 px after the veto of all frames: {row['streaks_10_20_after_veto']}")
