@@ -458,8 +458,7 @@ void add_notes(const Plane& in, const Range& range, FrameFindings& findings) {
         fmt::format("{:.0f} % of the pixels are saturated", 100 * findings.saturated / all));
 }
 
-/// Narrower than this no lens makes a star: where nothing shows the width, only what is sharper is no light
-/// from outside.
+/// Narrower than this no lens makes a star.
 constexpr double narrowest_fwhm_px = 1.1;
 /// A lens sharper than its pixels makes no brighter points wider than this.
 constexpr double sharp_most_px = 1.6;
@@ -492,8 +491,7 @@ Psf settle_psf(const CleanOptions& options, CleanFrame& frame, FrameFindings& fi
   findings.notes.push_back(fmt::format(
       "too few bright stars to measure their width; {:.1f} px taken{}; the parameter fwhm sets it",
       frame.psf.fwhm_px(), width ? fmt::format(" (brightest points: {:.1f} px)", *width) : ""));
-  return Psf::round_gaussian(width ? std::max(narrowest_fwhm_px, spike_share * frame.psf.fwhm_px())
-                                   : narrowest_fwhm_px);
+  return Psf::round_gaussian(std::max(narrowest_fwhm_px, spike_share * frame.psf.fwhm_px()));
 }
 
 }  // namespace

@@ -20,11 +20,12 @@ constexpr std::size_t stars_max = 60;
 struct Sharpest {
   double sigma_px;
   double fwhm_px;
-  float beside;  ///< share of the light of a pixel that its four neighbours have on average
+  std::size_t stars;  ///< of this shape, at least
+  float beside;       ///< share of the light of a pixel that its four neighbours have on average
 };
-constexpr Sharpest usual{0.5, 1.25, 0.12F};
+constexpr Sharpest usual{0.5, 1.25, 3, 0.12F};
 /// Of lenses that are sharper than their pixels: only where no star is as wide as usual.
-constexpr Sharpest sharp{0.4, 0.95, 0.05F};
+constexpr Sharpest sharp{0.4, 0.95, 8, 0.05F};
 constexpr double sigma_most_px = 6;
 
 struct Candidate {
@@ -399,7 +400,7 @@ std::optional<Psf> shape_of_stars(const Plane& signal, const Grid<std::uint8_t>&
       if (fit_position(signal, bad, first, radius, s)) samples.push_back(s);
     }
   }
-  if (samples.size() < 3) return std::nullopt;
+  if (samples.size() < least.stars) return std::nullopt;
   for (int round = 0; round < 3; ++round) {
     const int radius = std::clamp(static_cast<int>(std::ceil((round == 0 ? 2.5 : 4) * *sigma)), 2, 14);
     shape = fit_shape(signal, bad, samples, shape, radius);

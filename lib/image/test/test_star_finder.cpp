@@ -296,16 +296,14 @@ TEST(StarFinder, TakesAGlowingDiscForNoStar) {
 /// A lens that is sharper than its pixels: most of a star's light is in one of them.
 TEST(StarFinder, FindsStarsSharperThanThePixelsOfAFinder) {
   for (const double fwhm : {0.75, 0.9, 1.1}) {
-    for (const double spacing : {48.37, 90.3}) {  // few stars do not show their shape
-      const hw_sim::LensScene scene = finder_scene(fwhm, 201);
-      const std::vector<SkyStar> truth = lattice(scene, 30, 150, spacing);
+    const hw_sim::LensScene scene = finder_scene(fwhm, 201);
+    const std::vector<SkyStar> truth = lattice(scene, 30, 150);
 
-      const std::vector<Star> found = stars_in(frame_of(scene, truth));
+    const std::vector<Star> found = stars_in(frame_of(scene, truth));
 
-      // At some places in a pixel they look like a warm one.
-      EXPECT_LE(count_lost(found, truth), static_cast<long>(truth.size()) / (fwhm < 0.9 ? 4 : 8)) << fwhm;
-      EXPECT_LE(count_false(found, truth), false_most) << fwhm << " px, " << truth.size() << " stars";
-    }
+    // At some places in a pixel they look like a warm one.
+    EXPECT_LE(count_lost(found, truth), static_cast<long>(truth.size()) / (fwhm < 0.9 ? 4 : 8)) << fwhm;
+    EXPECT_LE(count_false(found, truth), false_most) << fwhm;
   }
 }
 
