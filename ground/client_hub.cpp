@@ -75,7 +75,11 @@ ClientHub::ClientHub(StationLink& link, Hooks hooks) : link_(link), hooks_(std::
   link_.set_output({.packet = [this](const auto& received) { on_packet(received); },
                     .ad = [this](auto number, auto progress) { on_ad(number, progress); },
                     .cop = [this](const auto& report) { on_cop(report); },
-                    .file = [this, files](const auto& news) { tell_all(serve::to_message(news), files); },
+                    .file =
+                        [this, files](const auto& news) {
+                          if (hooks_.memory.file) hooks_.memory.file(news);
+                          tell_all(serve::to_message(news), files);
+                        },
                     .keys =
                         [this, all](auto set, const auto& why) {
                           tell_all({{"type", "keys"}, {"keys", to_text(set)}, {"why", why}}, all);
@@ -147,7 +151,22 @@ void ClientHub::greet(Client& client, const nlohmann::json& message) {
                    {"transmissions", hooks_.fop.transmission_limit}};
   welcome["cop"] = serve::to_message(without_service(link_.cop()));
   welcome["transfers"] = serve::to_message(link_.transfers());
+  welcome["clients"] = clients_.size() - 1;  // without this one
+  welcome["line_open"] = link_.fd() >= 0;
+  welcome["service"] = serve::to_message(link_.cop());
+  welcome["archive"] = hooks_.memory.request_of != nullptr;
   queue(client, welcome);
+  if (message.contains("after") && hooks_.memory.packets_after && !client.wants_octets)
+    replay(client, message.at("after").get<std::int64_t>());
+}
+
+/// What came while this client had no server.
+void ClientHub::replay(Client& client, std::int64_t after) {
+  hooks_.memory.packets_after(after, [&](std::int64_t id, const ReceivedPacket& received) {
+    nlohmann::json message = serve::to_message(received);
+    message["id"] = id;
+    queue(client, message);
+  });
 }
 
 void ClientHub::answer(ClientId id, Client& client, const nlohmann::json& message) {
@@ -162,7 +181,7 @@ void ClientHub::answer(ClientId id, Client& client, const nlohmann::json& messag
 nlohmann::json ClientHub::carry_out(ClientId id, Client& client, const std::string& type,
                                     const nlohmann::json& message) {
   if (type == "send") return send(id, client, message);
-  if (type == "packet") return make_packet(message);
+  if (type == "packet") return make_packet(client, message);
   if (type == "start_ad" || type == "stop_ad" || type == "unlock" || type == "set_vr")
     return order_ad(client, type, message);
   if (type == "put" || type == "suspend" || type == "resume" || type == "cancel")
@@ -188,13 +207,21 @@ nlohmann::json ClientHub::send(ClientId id, const Client& client, const nlohmann
   if (ad && !client.uses_ad) return refusal("the AD service ended before the telecommand was transmitted");
   if (ad && client.keys)
     return refusal("the AD service is shared, so it uses the server's keys: leave out --keys or --ad");
+  const std::string token = short_text(message.at("token"));
+  if (hooks_.memory.request_of) {
+    // The order of a client whose last server ended before it answered.
+    if (const auto known = hooks_.memory.request_of(token))
+      return {{"request", serve::to_message(*known)}, {"known", true}};
+  }
   const std::uint64_t number = next_number_++;
   if (ad) ad_senders_[number] = {id, of_client};
   const auto request = link_.send({.command = encoded,
                                    .arguments = arguments_of(message),
                                    .number = number,
                                    .ad = ad,
-                                   .keys = client.keys});
+                                   .keys = client.keys,
+                                   .who = client.who + ", " + client.verb,
+                                   .token = token});
   if (!request) {
     ad_senders_.erase(number);
     return refusal(request.error());
@@ -202,10 +229,13 @@ nlohmann::json ClientHub::send(ClientId id, const Client& client, const nlohmann
   return {{"request", serve::to_message(*request)}};
 }
 
-nlohmann::json ClientHub::make_packet(const nlohmann::json& message) {
+nlohmann::json ClientHub::make_packet(const Client& client, const nlohmann::json& message) {
   const DescribedCommand described = command_of(message);
   const mission::EncodedCommand encoded = described.encoded();
-  const auto made = link_.make_packet(encoded);
+  const auto made = link_.make_packet({.command = encoded,
+                                       .arguments = arguments_of(message),
+                                       .who = client.who + ", " + client.verb,
+                                       .token = short_text(message.at("token"))});
   if (!made) return refusal(made.error());
   return {{"request", serve::to_message(made->request)}, {"packet", to_hex(made->packet)}};
 }
@@ -264,7 +294,11 @@ nlohmann::json ClientHub::order_files(const std::string& type, const nlohmann::j
 }
 
 void ClientHub::on_packet(const ReceivedPacket& received) {
-  tell_all(serve::to_message(received), [](const Client& client) { return !client.wants_octets; });
+  nlohmann::json message = serve::to_message(received);
+  if (hooks_.memory.packet) {
+    if (const std::int64_t id = hooks_.memory.packet(received); id != 0) message["id"] = id;
+  }
+  tell_all(message, [](const Client& client) { return !client.wants_octets; });
 }
 
 void ClientHub::on_octets(OctetView octets) {

@@ -31,12 +31,24 @@ class ClientHub {
   static constexpr std::size_t queue_octets_max = 8U << 20;  ///< of one client
   static constexpr milliseconds state_period{250};           ///< of counters and transfers, when they changed
 
+  /// What the server remembers. Functions that are not set: it remembers nothing.
+  struct Memory {
+    /// A packet came. @return its number; 0: none
+    std::function<std::int64_t(const ReceivedPacket&)> packet;
+    /// The request of a telecommand that was recorded with this token.
+    std::function<std::optional<wire::RequestId>(const std::string& token)> request_of;
+    /// The packets that came after one, in order.
+    std::function<void(std::int64_t id, const std::function<void(std::int64_t, const ReceivedPacket&)>&)>
+        packets_after;
+    std::function<void(const cfdp::News&)> file;
+  };
   struct Hooks {
     /// Octets for the line as they are (clients that forward frames).
     std::function<Result<void, std::string>(OctetView)> write;
     /// For the server's log; ready to print.
     std::function<void(const std::string&)> log;
     wire::FopSettings fop = {};  ///< of the AD service, for clients to compare
+    Memory memory = {};
   };
 
   /// Becomes the output of @p link.
@@ -85,7 +97,8 @@ class ClientHub {
   [[nodiscard]] nlohmann::json carry_out(ClientId id, Client& client, const std::string& type,
                                          const nlohmann::json& message);
   [[nodiscard]] nlohmann::json send(ClientId id, const Client& client, const nlohmann::json& message);
-  [[nodiscard]] nlohmann::json make_packet(const nlohmann::json& message);
+  [[nodiscard]] nlohmann::json make_packet(const Client& client, const nlohmann::json& message);
+  void replay(Client& client, std::int64_t after);
   [[nodiscard]] nlohmann::json order_ad(Client& client, const std::string& type,
                                         const nlohmann::json& message);
   [[nodiscard]] nlohmann::json order_files(const std::string& type, const nlohmann::json& message);

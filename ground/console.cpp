@@ -12,6 +12,7 @@
 #include <fcntl.h>
 #include <fmt/format.h>
 #include <poll.h>
+#include <sys/ioctl.h>
 #include <unistd.h>
 #include <mission/structures.hpp>
 
@@ -19,6 +20,7 @@
 #include "base/text.hpp"
 #include "cfdp/safe_name.hpp"
 #include "ground/files.hpp"
+#include "ground/name_hint.hpp"
 #include "ground/terminal_text.hpp"
 
 namespace srfs::ground {
@@ -33,6 +35,8 @@ constexpr milliseconds longest_order{35'000};  // of package.install itself
 constexpr seconds first_question{2};           // it may have been reported before
 constexpr seconds question_period{15};
 constexpr seconds refusal_patience{2};  // for the event beside a failure report
+constexpr milliseconds screen_period{500};
+constexpr milliseconds page_period{5000};  ///< of watch, where there is no terminal
 constexpr std::size_t longest_line = 4096;
 constexpr int exchange_attempts = 3;
 
@@ -135,6 +139,27 @@ Exit Console::listen(std::optional<milliseconds> duration) {
       Watch::port, [] { return false; }, deadline);
   write_stats();
   return open ? Exit::done : Exit::link_closed;
+}
+
+Exit Console::watch(const std::string& filter, bool out_alone, std::optional<milliseconds> duration) {
+  quiet_telemetry_ = true;
+  watched_.emplace();
+  const auto end = duration ? std::optional(monotonic_now() + *duration) : std::nullopt;
+  while (!interrupted_ && (!end || monotonic_now() < *end)) {
+    const MonotonicTime next = monotonic_now() + (options_.colour ? screen_period : page_period);
+    if (!run(
+            Watch::port, [] { return false; }, end ? std::min(*end, next) : next))
+      return Exit::link_closed;
+    const auto rows = watched_->rows(filter, out_alone);
+    winsize window{};
+    const bool sized = ioctl(STDOUT_FILENO, TIOCGWINSZ, &window) == 0 && window.ws_row > 2;
+    const std::string screen =
+        to_screen(rows, system_utc_now(), sized ? window.ws_row - 1U : SIZE_MAX, options_.colour);
+    const std::string_view none = out_alone ? "no value outside its limits\n" : "nothing received yet\n";
+    // Home, each line to its end, then what is below.
+    write_lines((options_.colour ? "\033[H\033[2J" : "") + (rows.empty() ? std::string(none) : screen));
+  }
+  return Exit::done;
 }
 
 Exit Console::retrieve(const std::string& store, const std::string& from, const std::string& to,
@@ -547,6 +572,7 @@ void Console::send(const std::string& name, const std::vector<std::string>& argu
 }
 
 void Console::on_telemetry(const TelemetryReport& report) {
+  if (watched_) return watched_->take(report, system_utc_now());
   if (on_installation(report)) return;
   pong_ = pong_ || report.kind == TelemetryKind::pong;
   if (exchanging_) {
@@ -810,6 +836,18 @@ std::string argument_line(const mission::Field& field) {
   return line + "\n";
 }
 
+std::string_view repeat_text(mission::RepeatClass repeat) {
+  switch (repeat) {
+    case mission::RepeatClass::idempotent:
+      return "idempotent";
+    case mission::RepeatClass::by_id:
+      return "by_id";
+    case mission::RepeatClass::at_most_once:
+      return "at_most_once";
+  }
+  return "?";
+}
+
 nlohmann::json command_json(const mission::Command& command) {
   nlohmann::json json{{"type", "command"},
                       {"name", command.name},
@@ -820,6 +858,9 @@ nlohmann::json command_json(const mission::Command& command) {
                       {"function", command.function_id},
                       {"description", command.description},
                       {"timeout_ms", command.timeout.count()},
+                      {"hazardous", command.hazardous},
+                      {"modes", command.modes},
+                      {"repeat", repeat_text(command.repeat_class)},
                       {"arguments", nlohmann::json::array()}};
   for (const auto& field : command.arguments) {
     nlohmann::json argument{{"name", field.name}, {"description", field.description}, {"unit", field.unit}};
@@ -837,12 +878,11 @@ nlohmann::json command_json(const mission::Command& command) {
 }  // namespace
 
 Exit list(const mission::Dictionary& dictionary, const std::string& name, bool json) {
-  if (!name.empty() && dictionary.command(name) == nullptr) {
-    std::fprintf(stderr, "srfs-ground: no telecommand is called '%s'\n", name.c_str());
-    return Exit::unusable;
-  }
+  const bool exact = dictionary.command(name) != nullptr;
+  bool found = false;
   for (const auto& command : dictionary.commands()) {
-    if (!name.empty() && command.name != name) continue;
+    if (!name.empty() && (exact ? command.name != name : !command.name.starts_with(name))) continue;
+    found = true;
     if (json) {
       std::puts(command_json(command).dump(-1, ' ', false, nlohmann::json::error_handler_t::replace).c_str());
       continue;
@@ -852,7 +892,12 @@ Exit list(const mission::Dictionary& dictionary, const std::string& name, bool j
             .c_str());
     for (const auto& field : command.arguments) std::fputs(argument_line(field).c_str(), stdout);
   }
-  return Exit::done;
+  if (found) return Exit::done;
+  std::vector<std::string> known;
+  for (const auto& command : dictionary.commands()) known.push_back(command.name);
+  std::fprintf(stderr, "srfs-ground: no telecommand is called '%s'%s\n", name.c_str(),
+               did_you_mean(name, known).c_str());
+  return Exit::unusable;
 }
 
 }  // namespace srfs::ground

@@ -11,6 +11,7 @@
 #include "base/time.hpp"
 #include "ground/bridge.hpp"
 #include "ground/installation.hpp"
+#include "ground/latest_values.hpp"
 #include "ground/remote.hpp"
 #include "ground/report_order.hpp"
 #include "ground/script.hpp"
@@ -56,6 +57,8 @@ class Console {
   /// 17,1 until 17,2.
   [[nodiscard]] Exit ping(std::optional<milliseconds> timeout);
   [[nodiscard]] Exit listen(std::optional<milliseconds> duration);
+  /// Newest values, drawn again and again. @param out_alone  those outside their limits alone
+  [[nodiscard]] Exit watch(const std::string& filter, bool out_alone, std::optional<milliseconds> duration);
   [[nodiscard]] Exit retrieve(const std::string& store, const std::string& from, const std::string& to,
                               std::optional<milliseconds> timeout);
   /// Lines of a file, in order; a telecommand is followed to its end before the next line.
@@ -173,6 +176,7 @@ class Console {
   bool refusal_told_ = false;
   MonotonicTime next_progress_;
   std::string last_progress_;
+  std::optional<LatestValues> watched_;
   bool progress_shown_ = false;  // the terminal's cursor is in a progress line
 };
 

@@ -38,19 +38,23 @@ Result<wire::RequestId, std::string> DirectLink::send(const TelecommandOrder& or
   if (order.ad) {
     auto made = uplink_.make_packet(order.command);
     if (!made) return Err(made.error());
+    if (made_) made_(order, made->request, false);
     if (!ad_.request(order.number, std::move(made->packet), monotonic_now()))
       return Err(std::string("too many telecommands are waiting for the AD service"));
     return made->request;
   }
   const auto telecommand = uplink_.make(order.command, order.keys);
   if (!telecommand) return Err(telecommand.error());
+  if (made_) made_(order, telecommand->request, false);
   if (const auto written = port_.write(telecommand->cltu, write_patience); !written)
     return Err(written.error());
   return telecommand->request;
 }
 
-Result<TelecommandPacket, std::string> DirectLink::make_packet(const mission::EncodedCommand& command) {
-  return uplink_.make_packet(command);
+Result<TelecommandPacket, std::string> DirectLink::make_packet(const TelecommandOrder& order) {
+  auto made = uplink_.make_packet(order.command);
+  if (made && made_) made_(order, made->request, true);
+  return made;
 }
 
 Result<void, std::string> DirectLink::start_ad() {

@@ -27,6 +27,9 @@ class DirectLink final : public StationLink {
   void carry_files(std::unique_ptr<cfdp::TransferFolders> transfer_folders);
   /// The octets of the line as they come, before anything is decoded.
   void set_octets_output(std::function<void(OctetView)> octets) { octets_ = std::move(octets); }
+  /// Each telecommand, before it is written or handed to the AD service; of make_packet() with scheduled.
+  using Made = std::function<void(const TelecommandOrder&, const wire::RequestId&, bool scheduled)>;
+  void set_made_output(Made made) { made_ = std::move(made); }
   /// Octets for the line as they are. Blocks until they are written.
   [[nodiscard]] Result<void, std::string> write(OctetView octets);
   /// The line was closed and is there again.
@@ -34,8 +37,7 @@ class DirectLink final : public StationLink {
   [[nodiscard]] suite::AssociationSet key_set() const { return uplink_.key_set(); }
 
   [[nodiscard]] Result<wire::RequestId, std::string> send(const TelecommandOrder& order) override;
-  [[nodiscard]] Result<TelecommandPacket, std::string> make_packet(
-      const mission::EncodedCommand& command) override;
+  [[nodiscard]] Result<TelecommandPacket, std::string> make_packet(const TelecommandOrder& order) override;
   void settle() override { handle_ad(); }
   [[nodiscard]] Result<void, std::string> start_ad() override;
   void stop_ad() override;
@@ -78,6 +80,7 @@ class DirectLink final : public StationLink {
   MonotonicTime line_free_at_;  ///< of file data; a pty would take it at any rate
   std::uint16_t file_sequence_count_ = 0;
   std::function<void(OctetView)> octets_;
+  Made made_;
 };
 
 }  // namespace srfs::ground

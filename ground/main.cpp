@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // srfs-ground: the operator's side of the ground link on a command line.
 #include <algorithm>
+#include <array>
 #include <cctype>
 #include <cstdio>
 #include <cstdlib>
@@ -18,16 +19,22 @@
 
 #include "base/file.hpp"
 #include "base/version.hpp"
+#include "ground/archive/archive_report.hpp"
+#include "ground/archive/recorder.hpp"
+#include "ground/archive_commands.hpp"
 #include "ground/console.hpp"
 #include "ground/direct_link.hpp"
 #include "ground/files.hpp"
 #include "ground/fragments.hpp"
 #include "ground/installation.hpp"
+#include "ground/name_hint.hpp"
 #include "ground/package_arguments.hpp"
 #include "ground/place.hpp"
+#include "ground/program_help.hpp"
 #include "ground/remote.hpp"
 #include "ground/served_link.hpp"
 #include "ground/server.hpp"
+#include "ground/station_status.hpp"
 #include "suite/deployment.hpp"
 #include "update/package_keys.hpp"
 
@@ -70,6 +77,15 @@ struct Arguments {
   std::string tm = "127.0.0.1:10015";
   std::string tc = "127.0.0.1:10025";
   std::vector<std::string> words;
+  bool csv = false;
+  std::size_t most = 0;
+  std::string severity = "info";
+  std::string table;
+  double keep_days = 0;
+  bool no_archive = false;
+  bool fill = false;
+  bool limits = false;
+  bool names = false;
   PackageArguments package;
   Exit exit = Exit::done;  // of the verb, which CLI11 runs when it has read all arguments
 };
@@ -258,12 +274,21 @@ Result<std::optional<TimeTag>, std::string> release_time(const Arguments& a) {
   return at;
 }
 
+/// Why a telecommand cannot be encoded; of an unknown one with names that are near.
+std::string explained(const mission::Dictionary& dictionary, const std::string& name,
+                      const std::string& why) {
+  if (dictionary.command(name) != nullptr) return why;
+  std::vector<std::string> known;
+  for (const auto& command : dictionary.commands()) known.push_back(command.name);
+  return why + did_you_mean(name, known);
+}
+
 /// What is wrong with telecommands, before the port is opened. nullopt: nothing.
 std::optional<std::string> wrong_telecommand(const Operation& operation,
                                              const std::vector<TelecommandText>& telecommands) {
   for (const TelecommandText& telecommand : telecommands) {
     const auto encoded = operation.dictionary.encode(telecommand.name, telecommand.arguments);
-    if (!encoded) return encoded.error().message;
+    if (!encoded) return explained(operation.dictionary, telecommand.name, encoded.error().message);
   }
   return std::nullopt;
 }
@@ -275,7 +300,7 @@ Result<std::vector<ScriptStep>, std::string> load_script(const mission::Dictiona
   auto steps =
       parse_script(*text, [&](const auto& name, const auto& arguments) -> std::optional<std::string> {
         const auto encoded = dictionary.encode(name, arguments);
-        return encoded ? std::nullopt : std::optional(encoded.error().message);
+        return encoded ? std::nullopt : std::optional(explained(dictionary, name, encoded.error().message));
       });
   if (!steps) return Err(file + ":" + std::to_string(steps.error().line) + ": " + steps.error().message);
   return std::move(*steps);
@@ -378,7 +403,7 @@ Exit tc(const Operation& operation) {
   if (!a.show.empty() && structure == nullptr)
     return fail(a, fmt::format("--show: no structure '{}' (see docs/reference/dictionary.md)", a.show));
   const auto encoded = operation.dictionary.encode(a.name, a.pairs);
-  if (!encoded) return fail(a, encoded.error().message);
+  if (!encoded) return fail(a, explained(operation.dictionary, a.name, encoded.error().message));
   std::optional<ReportOrder> order;
   if (structure != nullptr)
     order = ReportOrder::of_structure(*structure);
@@ -439,6 +464,10 @@ Exit retrieve(const Operation& operation) {
 }
 
 Exit list(const Operation& operation) {
+  if (operation.arguments.names) {
+    for (const auto& command : operation.dictionary.commands()) std::puts(command.name.c_str());
+    return Exit::done;
+  }
   return ground::list(operation.dictionary, operation.arguments.name, operation.arguments.json);
 }
 
@@ -551,6 +580,29 @@ Exit bridge(const Operation& operation) {
   return run_bridge(*opened, a.json);
 }
 
+/// The archive of a server. nullptr: none; the station works without it.
+std::unique_ptr<Recorder> open_recorder(const Operation& operation) {
+  const Arguments& a = operation.arguments;
+  if (a.no_archive) return nullptr;
+  auto archive = open_archive(operation.state_dir / archive_name, ArchiveUse::write);
+  if (!archive) {
+    log_of_server(archive.error() +
+                  "; nothing is recorded until it is repaired (srfs-ground archive repair)");
+    return nullptr;
+  }
+  auto recorder = std::make_unique<Recorder>(std::move(*archive), operation.dictionary, log_of_server);
+  if (a.fill) recorder->fill_gaps();
+  if (a.keep_days > 0) {
+    const auto kept =
+        std::chrono::duration_cast<nanoseconds>(std::chrono::duration<double>(a.keep_days * 86400));
+    for (const char* table : {"packets", "telecommands", "files", "passes", "gaps"}) {
+      const auto pruned = recorder->archive().prune(table, system_utc_now() - kept);
+      if (!pruned) log_of_server(pruned.error());
+    }
+  }
+  return recorder;
+}
+
 Exit serve(const Operation& operation) {
   const Arguments& a = operation.arguments;
   const auto link = link_of(a);
@@ -558,11 +610,131 @@ Exit serve(const Operation& operation) {
   if (!server) return fail(a, server.error());
   auto line = open_line(operation, link, Port::closed(a.port), true);
   if (!line) return fail(a, line.error());
+  const auto recorder = open_recorder(operation);
   std::printf("serving %s at %s\n", a.port.c_str(), server->socket().c_str());
   std::fflush(stdout);
   server->run(
-      **line, [&] { return Port::open(a.port, link.baud); }, fop_settings(a));
+      **line, [&] { return Port::open(a.port, link.baud); }, fop_settings(a), recorder.get());
   return Exit::done;
+}
+
+/// What the verbs about the archive share. The error is ready to print.
+Result<ArchiveCommand, std::string> archive_command(const Operation& operation) {
+  const Arguments& a = operation.arguments;
+  ArchiveCommand command{.file = operation.state_dir / archive_name,
+                         .form = a.csv    ? RowForm::csv
+                                 : a.json ? RowForm::json
+                                          : RowForm::lines,
+                         .most = a.most,
+                         .parameter = a.name,
+                         .source = a.source,
+                         .table = a.table};
+  constexpr std::array severities{"info", "low", "medium", "high"};
+  for (unsigned i = 0; i < severities.size(); ++i) {
+    if (a.severity == severities.at(i)) command.severity = i + 1;
+  }
+  const UtcTime now = system_utc_now();
+  for (const auto& [text, end] :
+       {std::pair(&a.from, &command.period.from), std::pair(&a.to, &command.period.to)}) {
+    if (text->empty()) continue;
+    *end = parse_moment(*text, now);
+    if (!*end)
+      return Err(fmt::format(
+          "'{}': expected a UTC time like 2026-11-21T08:00:00Z, or how long ago: 10m, 2h, 3d", *text));
+  }
+  return command;
+}
+
+template <class Show>
+Exit show(const Operation& operation, const Show& rows) {
+  const auto command = archive_command(operation);
+  return command ? rows(*command) : fail(operation.arguments, command.error());
+}
+
+Exit events(const Operation& operation) {
+  return show(operation, [&](const ArchiveCommand& c) { return show_events(c, operation.dictionary); });
+}
+
+Exit packets(const Operation& operation) {
+  return show(operation, [&](const ArchiveCommand& c) { return show_packets(c, operation.dictionary); });
+}
+
+Exit commands(const Operation& operation) {
+  return show(operation, [&](const ArchiveCommand& c) { return show_commands(c, operation.dictionary); });
+}
+
+Exit parameter_history(const Operation& operation) {
+  return show(operation, [&](const ArchiveCommand& c) { return show_history(c, operation.dictionary); });
+}
+
+Exit gaps(const Operation& operation) {
+  return show(operation, [&](const ArchiveCommand& c) { return show_gaps(c, operation.dictionary); });
+}
+
+Exit passes(const Operation& operation) {
+  return show(operation, [](const ArchiveCommand& c) { return show_passes(c); });
+}
+
+Exit transfers(const Operation& operation) {
+  return show(operation, [](const ArchiveCommand& c) { return show_transfers(c); });
+}
+
+Exit station(const Operation& operation) {
+  const Arguments& a = operation.arguments;
+  const auto archive = open_archive(operation.state_dir / archive_name, ArchiveUse::read);
+  if (!archive) return fail(a, archive.error());
+  auto status = read_status(**archive, operation.dictionary);
+  if (!status) return fail(a, status.error());
+  const auto server = server_of(operation, false, false);
+  if (!server) return fail(a, server.error());
+  if (*server) status->server = serve::status_of((*server)->welcome());
+  const UtcTime now = system_utc_now();
+  const std::string text = a.json ? to_json(*status, operation.dictionary, now)
+                                            .dump(-1, ' ', true, nlohmann::json::error_handler_t::replace) +
+                                        "\n"
+                                  : to_lines(*status, operation.dictionary, now);
+  std::fputs(text.c_str(), stdout);
+  return Exit::done;
+}
+
+Exit beacon(const Operation& operation) {
+  const Arguments& a = operation.arguments;
+  const auto archive = open_archive(operation.state_dir / archive_name, ArchiveUse::read);
+  if (!archive) return fail(a, archive.error());
+  const auto status = read_status(**archive, operation.dictionary);
+  if (!status) return fail(a, status.error());
+  const auto* newest = status->latest.structure("beacon");
+  if (newest == nullptr) {
+    fail(a, "no beacon has been recorded yet");
+    return Exit::refused;
+  }
+  const std::string text =
+      a.json ? to_json(newest->report).dump(-1, ' ', true, nlohmann::json::error_handler_t::replace) + "\n"
+             : to_lines(newest->report, isatty(STDOUT_FILENO) == 1);
+  std::fputs(text.c_str(), stdout);
+  return Exit::done;
+}
+
+Exit watch(const Operation& operation) {
+  const Arguments& a = operation.arguments;
+  return with_console(operation, link_of(a), {}, [&](Console& console) {
+    return console.watch(a.name, a.limits, duration(a.duration_s));
+  });
+}
+
+Exit archive(const Operation& operation) {
+  const Arguments& a = operation.arguments;
+  const auto command = archive_command(operation);
+  if (!command) return fail(a, command.error());
+  if (a.action == "check") return check_archive(*command);
+  if (a.action == "rebuild") return rebuild(*command);
+  if (a.action == "prune") {
+    if (a.table.empty() || !command->period.to)
+      return fail(a, "archive prune: --table and --to are needed, for example --table packets --to 90d");
+    return prune(*command);
+  }
+  const auto lock = lock_state(operation.state_dir);
+  return lock ? repair(*command) : fail(a, lock.error());
 }
 
 Exit package_install(const Operation& operation) {
@@ -673,6 +845,16 @@ void define_telecommands(CLI::App& app, Arguments& a) {
   add_timeout(schedule, a);
 }
 
+void define_screens(CLI::App& app, Arguments& a) {
+  add(app, a, "station", "The station at a glance: line, COP-1, mode, limits, last telecommand, gaps",
+      verbs::station);
+  add(app, a, "beacon", "The newest beacon that was recorded", verbs::beacon);
+  CLI::App& watch = add(app, a, "watch", "Newest values, in place, until interrupted", verbs::watch);
+  watch.add_option("filter", a.name, "A structure, or the beginning of STRUCTURE.FIELD (default: all)");
+  watch.add_flag("--limits", a.limits, "Values outside their limits alone");
+  add_duration(watch, a);
+}
+
 void define_telemetry(CLI::App& app, Arguments& a) {
   add_duration(add(app, a, "listen", "Show telemetry, events and the beacon", verbs::listen), a);
   CLI::App& retrieve = add(app, a, "retrieve", "Retrieve the stored packets of a period", verbs::retrieve);
@@ -683,7 +865,9 @@ void define_telemetry(CLI::App& app, Arguments& a) {
 }
 
 void define_lists_of_commands(CLI::App& app, Arguments& a) {
-  add(app, a, "list", "Show the telecommands", verbs::list).add_option("name", a.name, "Only this one");
+  CLI::App& list = add(app, a, "list", "Show the telecommands", verbs::list);
+  list.add_flag("--names", a.names, "Names alone");
+  list.add_option("name", a.name, "Only this one, or those whose names begin so");
   add(app, a, "session",
       "Read command lines from standard input, write everything that happens as JSON lines", verbs::session);
   CLI::App& script = add(app, a, "script",
@@ -730,8 +914,51 @@ void define_parameters(CLI::App& app, Arguments& a) {
 }
 
 void define_server(CLI::App& app, Arguments& a) {
-  add(app, a, "serve", "Own the line and share it among all other srfs-ground commands, until interrupted",
-      verbs::serve);
+  CLI::App& serve = add(app, a, "serve",
+                        "Own the line, share it among all other srfs-ground commands, and record what "
+                        "happens, until interrupted",
+                        verbs::serve);
+  serve.add_flag("--no-archive", a.no_archive, "Record nothing");
+  serve.add_flag("--fill", a.fill,
+                 "Retrieve missing packets from the packet stores on board, during contact");
+  serve.add_option("--keep-days", a.keep_days, "At the start, remove what is older (default: keep all)")
+      ->check(CLI::PositiveNumber);
+}
+
+/// A verb that shows rows of the archive.
+CLI::App& add_rows(CLI::App& app, Arguments& a, const std::string& name, const std::string& help, Verb verb) {
+  CLI::App& sub = add(app, a, name, help, verb);
+  sub.add_option("--from", a.from, "UTC, or how long ago: 10m, 2h, 3d");
+  sub.add_option("--to", a.to, "Likewise; not included");
+  sub.add_flag("--csv", a.csv, "Comma-separated values")->excludes(app.get_option("--json"));
+  return sub;
+}
+
+void define_archive(CLI::App& app, Arguments& a) {
+  CLI::App& events = add_rows(app, a, "events", "Recorded events", verbs::events);
+  events.add_option("--severity", a.severity, "At least: info, low, medium, high")
+      ->check(CLI::IsMember({"info", "low", "medium", "high"}))
+      ->capture_default_str();
+  CLI::App& commands =
+      add_rows(app, a, "commands", "Telecommands: when, what, by whom, with what result", verbs::commands);
+  CLI::App& packets = add_rows(app, a, "packets", "Recorded packets, decoded anew", verbs::packets);
+  packets.add_option("--source", a.source, "Of this application process alone");
+  for (CLI::App* rows : {&events, &commands, &packets})
+    rows->add_option("--last", a.most, "The newest so many")->check(CLI::PositiveNumber);
+  CLI::App& history =
+      add_rows(app, a, "history", "Values of one parameter, STRUCTURE.FIELD", verbs::parameter_history);
+  history.add_option("parameter", a.name, "As in eps_power.battery_v")->required();
+  history.add_option("--points", a.most, "At most so many; more values become spans of time (default: 2000)")
+      ->check(CLI::PositiveNumber);
+  add_rows(app, a, "gaps", "Packets that did not come", verbs::gaps);
+  add_rows(app, a, "passes", "Times of contact", verbs::passes);
+  add_rows(app, a, "transfers", "Recorded transfers of files", verbs::transfers);
+  CLI::App& archive = add(app, a, "archive", "Care of the archive", verbs::archive);
+  archive.add_option("action", a.action, "check | repair | rebuild | prune")
+      ->required()
+      ->check(CLI::IsMember({"check", "repair", "rebuild", "prune"}));
+  archive.add_option("--table", a.table, "To prune: packets, telecommands, files, passes, gaps or minutes");
+  archive.add_option("--to", a.to, "To prune: what is older, UTC or 90d");
 }
 
 void define_bridge(CLI::App& app, Arguments& a) {
@@ -760,18 +987,29 @@ void define_packages(CLI::App& app, Arguments& a) {
   });
 }
 
+void define_help(CLI::App& app, Arguments&) {
+  app.add_subcommand("completion", "Write a completion script for bash: source <(srfs-ground completion)")
+      ->final_callback([&app] { std::fputs(bash_completion(app, "srfs-ground").c_str(), stdout); });
+  app.add_subcommand("man", "Write the manual page: srfs-ground man | man -l -")->final_callback([&app] {
+    std::fputs(man_page(app, "srfs-ground", version()).c_str(), stdout);
+  });
+}
+
 /// The order is that of --help.
 void define(CLI::App& app, Arguments& a) {
   define_run(app, a);
   define_telecommands(app, a);
   define_telemetry(app, a);
+  define_screens(app, a);
   define_lists_of_commands(app, a);
   define_farm(app, a);
   define_files(app, a);
   define_parameters(app, a);
   define_bridge(app, a);
   define_server(app, a);
+  define_archive(app, a);
   define_packages(app, a);
+  define_help(app, a);
 }
 
 }  // namespace

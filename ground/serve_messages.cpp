@@ -211,6 +211,18 @@ AdProgress ad_progress_of(const nlohmann::json& message) {
   throw std::invalid_argument("no progress of the AD service: " + text);
 }
 
+std::optional<ServerStatus> status_of(const nlohmann::json& welcome) {
+  try {
+    return ServerStatus{.clients = welcome.at("clients").get<std::size_t>(),
+                        .line_open = welcome.at("line_open").get<bool>(),
+                        .locked = welcome.at("locked").get<bool>(),
+                        .counters = counters_of(welcome.at("counters")),
+                        .cop = cop_of(welcome.at("service"))};
+  } catch (const std::exception&) {
+    return std::nullopt;
+  }
+}
+
 std::string text_of(const nlohmann::json& message) {
   return message.dump(-1, ' ', false, nlohmann::json::error_handler_t::replace);
 }

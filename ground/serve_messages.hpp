@@ -9,6 +9,7 @@
 #include <nlohmann/json.hpp>
 
 #include "ground/station_link.hpp"
+#include "ground/station_status.hpp"
 
 namespace srfs::ground {
 
@@ -39,6 +40,9 @@ inline constexpr std::string_view socket_name = "serve.sock";  ///< in STATE
 [[nodiscard]] Octets octets_of(const nlohmann::json& hexadecimal);
 [[nodiscard]] AdProgress ad_progress_of(const nlohmann::json& message);
 [[nodiscard]] std::string_view to_text(AdProgress progress);
+
+/// What a welcome says of the server; nullopt: it is of another version.
+[[nodiscard]] std::optional<ServerStatus> status_of(const nlohmann::json& welcome);
 
 /// As it goes over the socket.
 [[nodiscard]] std::string text_of(const nlohmann::json& message);

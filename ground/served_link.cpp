@@ -8,6 +8,7 @@
 
 #include <fmt/format.h>
 #include <poll.h>
+#include <unistd.h>
 
 #include "ground/files.hpp"
 #include "ground/local_socket.hpp"
@@ -59,6 +60,7 @@ Result<bool, std::string> ServerConnection::connect() {
                        {"files", hello_.files},
                        {"octets", hello_.octets}};
   if (hello_.keys) hello["keys"] = to_text(*hello_.keys);
+  if (seen_ != 0) hello["after"] = seen_;
   const MonotonicTime deadline = monotonic_now() + reply_patience;
   if (send_message(socket_.get(), serve::text_of(hello)) == SendResult::sent) {
     if (auto welcome = receive(deadline)) {
@@ -172,24 +174,50 @@ ServedLink::ServedLink(ServerConnection connection, bool files)
   }
 }
 
+/// Unique among all clients of all servers of this archive.
+std::string ServedLink::new_token() {
+  if (token_.empty()) {
+    Octets random(16);
+    if (::getentropy(random.data(), random.size()) != 0) random.assign(random.size(), 0);
+    token_ = to_hex(random) + fmt::format("-{}-{}", ::getpid(), system_utc_now().ns());
+  }
+  return fmt::format("{}-{}", token_, tokens_++);
+}
+
+/// A call that may be repeated when the server ended: the next one knows by the token whether it was done.
+Result<nlohmann::json, ServerConnection::Failure> ServedLink::call_once(const nlohmann::json& message) {
+  constexpr int servers_max = 5;
+  auto reply = connection_.call(message);
+  for (int servers = 1; servers < servers_max && !reply; ++servers) {
+    if (reply.error().error != ServerConnection::CallError::unknown) break;
+    if (!connection_.welcome().value("archive", false)) break;
+    reply = connection_.call(message);
+  }
+  return reply;
+}
+
 Result<wire::RequestId, std::string> ServedLink::send(const TelecommandOrder& order) {
   nlohmann::json message = described(order.command);
   message["type"] = "send";
   message["arguments"] = order.arguments;
   message["number"] = order.number;
   message["ad"] = order.ad;
-  if (order.ad) in_ad_.insert(order.number);
-  const auto reply = connection_.call(std::move(message));
-  if (reply) return serve::request_of(reply->at("request"));
-  in_ad_.erase(order.number);
-  if (reply.error().error == ServerConnection::CallError::refused) return Err(reply.error().text);
-  return Err(fmt::format("{}: {}; it is not known whether it was sent", order.command.command->name,
-                         reply.error().text));
+  message["token"] = new_token();
+  const auto reply = call_once(message);
+  if (!reply) {
+    if (reply.error().error == ServerConnection::CallError::refused) return Err(reply.error().text);
+    return Err(fmt::format("{}: {}; it is not known whether it was sent", order.command.command->name,
+                           reply.error().text));
+  }
+  if (order.ad) (reply->value("known", false) ? orphans_ : in_ad_).insert(order.number);
+  return serve::request_of(reply->at("request"));
 }
 
-Result<TelecommandPacket, std::string> ServedLink::make_packet(const mission::EncodedCommand& command) {
-  nlohmann::json message = described(command);
+Result<TelecommandPacket, std::string> ServedLink::make_packet(const TelecommandOrder& order) {
+  nlohmann::json message = described(order.command);
   message["type"] = "packet";
+  message["arguments"] = order.arguments;
+  message["token"] = new_token();
   const auto reply = connection_.call(std::move(message));
   if (!reply) return Err(reply.error().text);
   return TelecommandPacket{serve::request_of(reply->at("request")), serve::octets_of(reply->at("packet"))};
@@ -255,7 +283,10 @@ Result<void, std::string> ServedLink::take_messages() {
 
 Result<void, std::string> ServedLink::take(const nlohmann::json& message) {
   const auto type = message.at("type").get<std::string>();
-  if (type == "packet" && output_.packet) output_.packet(serve::packet_of(message));
+  if (type == "packet") {
+    connection_.set_seen(message.value("id", std::int64_t{0}));
+    if (output_.packet) output_.packet(serve::packet_of(message));
+  }
   if (type == "state") take_state(message);
   if (type == "cop") take_cop(serve::cop_of(message));
   if (type == "transfers") transfers_ = serve::transfers_of(message.at("transfers"));
@@ -295,22 +326,23 @@ Result<void, std::string> ServedLink::on_time() {
   }
   if (const auto sought = connection_.seek(monotonic_now()); !sought) return sought;
   if (connection_.take_found()) resume_with_server();
+  for (const std::uint64_t number : std::exchange(orphans_, {})) {
+    if (output_.ad) output_.ad(number, AdProgress::unknown);
+  }
   return {};
 }
 
 /// The telecommands in the hands of its AD service went with the server that ended.
 void ServedLink::resume_with_server() {
   if (output_.note) output_.note("the server ended; connected to the next one");
-  for (const std::uint64_t number : std::exchange(in_ad_, {})) {
-    if (output_.ad) output_.ad(number, AdProgress::unknown);
-  }
+  orphans_.merge(in_ad_);
   if (cop_.phase == AdPhase::off) return;
   cop_ = {};
   if (const auto started = start_ad(); !started) report_problem(started.error());
 }
 
 std::optional<MonotonicTime> ServedLink::next_deadline() const {
-  if (connection_.has_pending()) return monotonic_now();
+  if (connection_.has_pending() || !orphans_.empty()) return monotonic_now();
   return connection_.next_seek();
 }
 

@@ -59,6 +59,10 @@ class ServerConnection {
   [[nodiscard]] Result<void, std::string> seek(MonotonicTime now);
   /// When seek() has something to do. nullopt: there is a server.
   [[nodiscard]] std::optional<MonotonicTime> next_seek() const;
+  /// Packets after this one are asked for when another server is found.
+  void set_seen(std::int64_t packet) {
+    if (packet > seen_) seen_ = packet;
+  }
   /// Another server was found since the last call.
   [[nodiscard]] bool take_found() { return std::exchange(found_, false); }
 
@@ -79,6 +83,7 @@ class ServerConnection {
   MonotonicTime lost_;
   MonotonicTime next_seek_;
   bool found_ = false;
+  std::int64_t seen_ = 0;  ///< 0: none
 };
 
 /// The link of a client of `srfs-ground serve`.
@@ -88,8 +93,7 @@ class ServedLink final : public StationLink {
   ServedLink(ServerConnection connection, bool files);
 
   [[nodiscard]] Result<wire::RequestId, std::string> send(const TelecommandOrder& order) override;
-  [[nodiscard]] Result<TelecommandPacket, std::string> make_packet(
-      const mission::EncodedCommand& command) override;
+  [[nodiscard]] Result<TelecommandPacket, std::string> make_packet(const TelecommandOrder& order) override;
   void settle() override {}
   [[nodiscard]] Result<void, std::string> start_ad() override { return order_ad({{"type", "start_ad"}}); }
   void stop_ad() override;
@@ -122,6 +126,8 @@ class ServedLink final : public StationLink {
   void take_state(const nlohmann::json& message);
   void take_cop(const CopReport& report);
   void resume_with_server();
+  [[nodiscard]] std::string new_token();
+  [[nodiscard]] Result<nlohmann::json, ServerConnection::Failure> call_once(const nlohmann::json& message);
 
   ServerConnection connection_;
   bool files_;
@@ -132,7 +138,10 @@ class ServedLink final : public StationLink {
   std::optional<std::uint32_t> clcw_;
   std::uint64_t sent_ = 0;
   std::vector<cfdp::Report> transfers_;
-  std::set<std::uint64_t> in_ad_;  ///< numbers in the hands of the AD service
+  std::set<std::uint64_t> in_ad_;    ///< numbers in the hands of the AD service
+  std::set<std::uint64_t> orphans_;  ///< of them those that went with a server that ended
+  std::string token_;                ///< of this client, for the tokens of its telecommands
+  std::uint64_t tokens_ = 0;
 };
 
 /// The octets of the line through the server, for programs that forward frames.

@@ -18,13 +18,28 @@
 #include "ground/local_socket.hpp"
 
 namespace srfs::ground {
+
+void log_of_server(const std::string& text) {
+  std::fprintf(stderr, "srfs-ground serve: %s\n", text.c_str());
+}
+
 namespace {
 
 constexpr seconds opening_period{1};
 constexpr int reads_a_turn = 32;  ///< of one client, before the others have theirs
 
-void log_line(const std::string& text) {
-  std::fprintf(stderr, "srfs-ground serve: %s\n", text.c_str());
+constexpr std::size_t replayed_max = 5000;  ///< packets, for a client that comes back
+
+ClientHub::Memory memory_of(Recorder* recorder) {
+  if (recorder == nullptr) return {};
+  return {.packet = [recorder](const auto& packet) { return recorder->on_packet(packet, system_utc_now()); },
+          .request_of = [recorder](const auto& token) { return recorder->request_of(token); },
+          .packets_after =
+              [recorder](std::int64_t id, const auto& take) {
+                recorder->packets_after(id, replayed_max,
+                                        [&](const StoredPacket& stored) { take(stored.id, stored.packet); });
+              },
+          .file = [recorder](const auto& news) { recorder->on_file(news, system_utc_now()); }};
 }
 
 }  // namespace
@@ -59,36 +74,53 @@ void Server::open_line(DirectLink& link, const OpenPort& open_port, MonotonicTim
   auto port = open_port();
   if (!port) {
     if (std::exchange(told_problem_, port.error()) != port.error())
-      log_line(port.error() + "; trying again every second");
+      log_of_server(port.error() + "; trying again every second");
     return;
   }
   told_problem_.clear();
   link.replace_port(std::move(*port));
-  log_line("the line is open");
+  log_of_server("the line is open");
 }
 
-void Server::run(DirectLink& link, const OpenPort& open_port, const wire::FopSettings& fop) {
+void Server::run(DirectLink& link, const OpenPort& open_port, const wire::FopSettings& fop,
+                 Recorder* recorder) {
   const Fd signals = termination_signals();
   ignore_broken_pipes();
   ClientHub hub(link, {.write = [&link](OctetView octets) { return link.write(octets); },
-                       .log = [](const std::string& text) { log_line(text); },
-                       .fop = fop});
+                       .log = log_of_server,
+                       .fop = fop,
+                       .memory = memory_of(recorder)});
   link.set_octets_output([&hub](OctetView octets) { hub.on_octets(octets); });
+  if (recorder != nullptr) {
+    link.set_made_output([recorder](const auto& order, const auto& request, bool scheduled) {
+      recorder->on_telecommand(order, request, scheduled, system_utc_now());
+    });
+  }
+  bool busy = false;  // aggregates are to be made, between the turns
   while (!ended_) {
     open_line(link, open_port, monotonic_now());
-    wait(link, hub, signals.get());
+    wait(link, hub, signals.get(), busy);
     static_cast<void>(link.on_time());
     hub.on_time(monotonic_now());
-    std::vector<ClientHub::ClientId> gone;
-    for (const auto& [client, socket] : sockets_) {
-      if (!write_to(hub, client)) gone.push_back(client);
+    if (recorder != nullptr) {
+      recorder->fill(link, monotonic_now());
+      recorder->commit();  // before anything is shown
     }
-    for (const ClientHub::ClientId client : hub.take_closing()) gone.push_back(client);
-    for (const ClientHub::ClientId client : gone) drop(hub, client);
+    write_to_clients(hub);
+    busy = recorder != nullptr && recorder->make_minute(system_utc_now());
   }
 }
 
-void Server::wait(DirectLink& link, ClientHub& hub, int signals) {
+void Server::write_to_clients(ClientHub& hub) {
+  std::vector<ClientHub::ClientId> gone;
+  for (const auto& [client, socket] : sockets_) {
+    if (!write_to(hub, client)) gone.push_back(client);
+  }
+  for (const ClientHub::ClientId client : hub.take_closing()) gone.push_back(client);
+  for (const ClientHub::ClientId client : gone) drop(hub, client);
+}
+
+void Server::wait(DirectLink& link, ClientHub& hub, int signals, bool busy) {
   std::vector<pollfd> fds{{link.fd(), POLLIN, 0}, {listener_.get(), POLLIN, 0}, {signals, POLLIN, 0}};
   std::vector<ClientHub::ClientId> clients;
   for (const auto& [client, socket] : sockets_) {
@@ -96,14 +128,14 @@ void Server::wait(DirectLink& link, ClientHub& hub, int signals) {
     fds.push_back({socket.get(), static_cast<short>(writes ? POLLIN | POLLOUT : POLLIN), 0});
     clients.push_back(client);
   }
-  MonotonicTime wake = monotonic_now() + ClientHub::state_period;
+  MonotonicTime wake = monotonic_now() + (busy ? milliseconds(0) : ClientHub::state_period);
   if (const auto next = link.next_deadline(); next && *next < wake) wake = *next;
   const auto left = std::chrono::ceil<milliseconds>(wake - monotonic_now()).count();
   if (::poll(fds.data(), fds.size(), static_cast<int>(std::clamp<std::int64_t>(left, 0, 1000))) <= 0) return;
   if (fds[2].revents != 0) ended_ = true;
   if (fds[0].revents != 0) {
     if (const auto read = link.on_readable(); !read) {
-      log_line(read.error());
+      log_of_server(read.error());
       link.replace_port(Port::closed("the line"));
       hub.on_line_closed(read.error());
     }
@@ -118,7 +150,7 @@ void Server::accept_clients(ClientHub& hub) {
   while (Fd socket = accept_from(listener_.get())) {
     const auto peer = peer_of(socket.get());
     if (!peer || (peer->uid != ::geteuid() && peer->uid != 0)) {
-      log_line(fmt::format("a client of user {} was refused", peer ? peer->uid : 0));
+      log_of_server(fmt::format("a client of user {} was refused", peer ? peer->uid : 0));
       continue;
     }
     const auto client = hub.on_connect(fmt::format("pid {} of user {}", peer->pid, peer->uid));
@@ -135,7 +167,7 @@ void Server::read_from(ClientHub& hub, ClientHub::ClientId client) {
       hub.on_message(client, *message);
       continue;
     }
-    if (std::holds_alternative<TooLong>(received)) log_line("a client sent a message that is too long");
+    if (std::holds_alternative<TooLong>(received)) log_of_server("a client sent a message that is too long");
     drop(hub, client);
     return;
   }

@@ -8,6 +8,7 @@
 #include <string>
 
 #include "base/fd.hpp"
+#include "ground/archive/recorder.hpp"
 #include "ground/client_hub.hpp"
 #include "ground/direct_link.hpp"
 
@@ -25,7 +26,8 @@ class Server {
   /// Serves until a signal.
   /// @param link  its port may be closed
   /// @param fop  of the link's AD service
-  void run(DirectLink& link, const OpenPort& open_port, const wire::FopSettings& fop);
+  /// @param recorder  nullptr: nothing is remembered
+  void run(DirectLink& link, const OpenPort& open_port, const wire::FopSettings& fop, Recorder* recorder);
 
   [[nodiscard]] const std::filesystem::path& socket() const { return socket_; }
 
@@ -38,7 +40,8 @@ class Server {
   /// What the socket takes. @return false: it is closed
   [[nodiscard]] bool write_to(ClientHub& hub, ClientHub::ClientId client);
   void drop(ClientHub& hub, ClientHub::ClientId client);
-  void wait(DirectLink& link, ClientHub& hub, int signals);
+  void wait(DirectLink& link, ClientHub& hub, int signals, bool busy);
+  void write_to_clients(ClientHub& hub);
 
   std::filesystem::path socket_;
   Fd lock_;
@@ -48,6 +51,9 @@ class Server {
   std::string told_problem_;
   bool ended_ = false;
 };
+
+/// What the server says goes to its log.
+void log_of_server(const std::string& text);
 
 /// Takes STATE for a process that owns the line; held until the descriptor is closed. The error is ready to
 /// print.

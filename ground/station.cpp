@@ -36,7 +36,7 @@ Result<wire::RequestId, std::string> Station::send_at(UtcTime release, const std
                                                       std::uint64_t tag) {
   const auto encoded = dictionary_.encode(command, arguments);
   if (!encoded) return Err(encoded.error().message);
-  const auto made = link_->make_packet(*encoded);
+  const auto made = link_->make_packet({.command = *encoded, .arguments = arguments});
   if (!made) return Err(made.error());
   constexpr int decimals = 9;
   const std::vector<std::string> inserted{"release=" + to_iso8601(release, decimals),

@@ -48,6 +48,8 @@ struct TelecommandOrder {
   std::uint64_t number = 0;                        ///< the caller's own, for LinkOutput::ad; not 0
   bool ad = false;                                 ///< by the AD service
   std::optional<suite::AssociationSet> keys = {};  ///< of this BD frame; nullopt: those in use
+  std::string who = {};                            ///< for the archive
+  std::string token = {};                          ///< likewise: unique
 };
 
 /// The way to the spacecraft below telecommands and their stages: counters, keys, frames, COP-1, CFDP.
@@ -66,8 +68,7 @@ class StationLink {
   /// reported from the next settle() on.
   [[nodiscard]] virtual Result<wire::RequestId, std::string> send(const TelecommandOrder& order) = 0;
   /// A packet with a sequence count of its own, for the schedule on board.
-  [[nodiscard]] virtual Result<TelecommandPacket, std::string> make_packet(
-      const mission::EncodedCommand& command) = 0;
+  [[nodiscard]] virtual Result<TelecommandPacket, std::string> make_packet(const TelecommandOrder& order) = 0;
   /// Reports what is waiting to be reported. After each order.
   virtual void settle() = 0;
 

@@ -30,8 +30,8 @@ class FakeLink final : public StationLink {
     sent.push_back({order.command.command->name, order.number, order.ad});
     return wire::RequestId{0x1811, static_cast<std::uint16_t>(0xC000 + sent.size())};
   }
-  Result<TelecommandPacket, std::string> make_packet(const mission::EncodedCommand& command) override {
-    return TelecommandPacket{{0x1811, 0xC000}, command.data};
+  Result<TelecommandPacket, std::string> make_packet(const TelecommandOrder& order) override {
+    return TelecommandPacket{{0x1811, 0xC000}, order.command.data};
   }
   void settle() override {}
   Result<void, std::string> start_ad() override {
@@ -125,7 +125,8 @@ class Hub : public ::testing::Test {
              {"data", "00010201"},
              {"arguments", {"load=2"}},
              {"number", number},
-             {"ad", ad}});
+             {"ad", ad},
+             {"token", "t" + std::to_string(calls_)}});
     return next(id, "reply");
   }
   void drop_closing() {
@@ -194,8 +195,8 @@ TEST_F(Hub, DisconnectsAClientThatSendsRubbish) {
       const char* rubbish :
       {"", "{", "[]", "5", "{}", R"({"type":5})", R"({"type":"send","call":1})", "\xff\xfe",
        R"({"type":"drop tables","call":1})",
-       R"({"type":"send","call":1,"name":"x","apid":99999,"service":8,"subtype":1,"data":"","arguments":[],"number":1,"ad":false})",
-       R"({"type":"send","call":1,"name":"x","apid":1,"service":8,"subtype":1,"data":"0","arguments":[],"number":1,"ad":false})"}) {
+       R"({"type":"send","call":1,"name":"x","apid":99999,"service":8,"subtype":1,"data":"","arguments":[],"number":1,"ad":false,"token":"t"})",
+       R"({"type":"send","call":1,"name":"x","apid":1,"service":8,"subtype":1,"data":"0","arguments":[],"number":1,"ad":false,"token":"t"})"}) {
     const ClientId bad = client();
     hub_.on_message(bad, rubbish);
     EXPECT_EQ(hub_.take_closing(), std::vector<ClientId>{bad}) << rubbish;
@@ -292,7 +293,7 @@ TEST_F(Hub, TellsTheSenderAloneWhatTheAdServiceDidWithItsTelecommand) {
 TEST_F(Hub, TakesAnyTextWithoutHarmToOthers) {
   std::mt19937 random(1);
   const std::string sound =
-      R"({"type":"send","call":1,"name":"eps.switch_load","apid":17,"service":8,"subtype":1,"data":"0001","arguments":["a"],"number":1,"ad":false})";
+      R"({"type":"send","call":1,"name":"eps.switch_load","apid":17,"service":8,"subtype":1,"data":"0001","arguments":["a"],"number":1,"ad":false,"token":"t"})";
   const ClientId good = client();
   for (int round = 0; round < 2000; ++round) {
     std::string text = sound;

@@ -13,6 +13,7 @@ import subprocess
 import threading
 import time
 import unittest
+from datetime import datetime, timezone
 
 from support import BIN, DEADLINE_S, SystemTest
 
@@ -22,13 +23,14 @@ from srfs.flight.processes import wait_until
 class Server:
     """`srfs-ground serve`, started again after each kill()."""
 
-    def __init__(self, var):
+    def __init__(self, var, *options):
         self.var = var
+        self.options = options
         self.process = None
         self.start()
 
     def start(self):
-        command = [str(BIN / "srfs-ground"), "--port", str(self.var / "rs422"), "serve"]
+        command = [str(BIN / "srfs-ground"), "--port", str(self.var / "rs422"), "serve", *self.options]
         self.process = subprocess.Popen(command, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, text=True)
         line = self.process.stdout.readline()
         assert line.startswith("serving"), line
@@ -47,9 +49,9 @@ class Server:
 
 class ServeTest(SystemTest):
     @contextlib.contextmanager
-    def served_flight(self):
+    def served_flight(self, *options):
         with self.flight() as flight:
-            server = Server(self.var)
+            server = Server(self.var, *options)
             try:
                 yield flight, server
             finally:
@@ -58,6 +60,15 @@ class ServeTest(SystemTest):
     def program(self, *words, **options):
         command = [str(BIN / "srfs-ground"), "--port", str(self.var / "rs422"), *words]
         return subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, **{"stdin": subprocess.DEVNULL, **options})
+
+    def archived(self, *words):
+        """What a verb about the archive writes as JSON lines."""
+        result = self.ground_run("--json", *words)
+        self.assertEqual(result.returncode, 0, result.stderr)
+        return [json.loads(line) for line in result.stdout.splitlines()]
+
+    def stored_octets(self):
+        return sum(file.stat().st_size for file in (self.var / "store").rglob("*.seg"))
 
     def counters(self):
         return json.loads((self.var / "ground/uplink.json").read_text())["next_security_counters"]
@@ -115,7 +126,7 @@ class ServeTest(SystemTest):
             self.assertEqual(path.stat().st_mode & 0o777, 0o600)
             second = self.ground_run("serve")
             self.assertEqual(second.returncode, 2)
-            self.assertIn("another srfs-ground serve", second.stderr)
+            self.assertIn("another srfs-ground owns this folder", second.stderr)
             rubbish = random.Random(2)
             for _ in range(50):
                 client = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)
@@ -132,6 +143,26 @@ class ServeTest(SystemTest):
                 frozen.communicate()
             self.assertEqual(self.ground_run("tc", "eps.switch_load", "load=2", "state=on", "--wait").returncode, 0)
 
+    def test_what_did_not_come_is_retrieved(self):
+        with self.served_flight("--fill") as (flight, _):
+            for _ in range(2):
+                known = len(self.archived("packets"))
+                wait_until(lambda k=known: len(self.archived("packets")) > k + 5, DEADLINE_S, "telemetry")
+                flight.control({"rs422": {"cut": True}})
+                stored = self.stored_octets()
+                wait_until(lambda s=stored: self.stored_octets() > s + 3000, DEADLINE_S, "packets that only the spacecraft has")
+                flight.control({"rs422": {"cut": False}})
+            # Live telemetry is thinned on board, so that there is always a young gap.
+            ended = datetime.now(timezone.utc).strftime("%Y-%m-%dT%H:%M:%S")
+            old = lambda: [gap for gap in self.archived("gaps") if gap["from"] < ended]  # noqa: E731
+            wait_until(old, DEADLINE_S, "the gaps are found")
+            wait_until(lambda: all(gap["state"] != "open" for gap in old()), 3 * DEADLINE_S, "the gaps are filled")
+            self.assertTrue(any(gap["state"] == "filled" for gap in old()), old())
+            self.assertTrue(any(packet["retrieved"] and not packet["live"] for packet in self.archived("packets")))
+            status = self.archived("station")[0]
+            self.assertTrue(status["server"]["locked"])
+            self.assertEqual(status["last_telecommand"]["name"], "storage.retrieve")
+
     def test_a_server_that_is_killed_reuses_no_counter_and_its_clients_go_on(self):
         kills = int(os.environ.get("SRFS_SERVE_KILLS", "12"))
         with self.served_flight() as (_, server):
@@ -142,6 +173,9 @@ class ServeTest(SystemTest):
             moments = random.Random(3)
             before = self.counters() if (self.var / "ground/uplink.json").exists() else {}
             completed = lambda: sum(1 for m in lines if m["type"] == "tc_stage" and m["stage"] == "completed")  # noqa: E731
+            session.stdin.write("ping\n")  # it is the server's client, and not the owner of a line without one
+            session.stdin.flush()
+            wait_until(completed, DEADLINE_S, "the session works")
             for number in range(kills):
                 for _ in range(3):
                     session.stdin.write("tc eps.switch_load load=2 state=on\n")
@@ -170,6 +204,15 @@ class ServeTest(SystemTest):
             ended = [m for m in lines if m["type"] == "tc_stage" and m["final"]]
             self.assertEqual([m for m in ended if m["stage"] in ("rejected", "start_failed", "failed")], [])
             self.assertGreater(completed(), kills)
+            # The archive has every packet that was shown, and every telecommand, with what became of it.
+            packets = {(m["apid"], m["sequence"], m["time"]) for m in self.archived("packets")}
+            shown = {(m["apid"], m["sequence"], m["time"]) for m in lines if m["type"] in ("tm_packet", "beacon", "event", "pong")}
+            self.assertGreater(len(shown), kills)
+            self.assertEqual(shown - packets, set())
+            self.assertEqual(self.ground_run("archive", "check").returncode, 0)
+            archived = {c["request"]: c["verdict"] for c in self.archived("commands")}
+            done = {m["id"] for m in lines if m["type"] == "tc_stage" and m["stage"] == "completed"}
+            self.assertEqual({i: archived.get(i) for i in done}, dict.fromkeys(done, "completed"))
             self.assertEqual(replays[-1], 0, "authentic frames with an old counter")
 
 

@@ -33,6 +33,7 @@ OF_CMAKE = {
     "GTest": "libgtest-dev",
     "fec": "libfec-dev",
     "seccomp": "libseccomp-dev",
+    "SQLite3": "libsqlite3-dev",
 }
 # Needed, but not required by CMake: programs, header-only libraries, Python modules of the generators.
 OF_OTHERS = {

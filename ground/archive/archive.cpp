@@ -1,0 +1,836 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
+#include "ground/archive/archive.hpp"
+
+#include <algorithm>
+#include <array>
+#include <map>
+#include <utility>
+
+#include <fmt/format.h>
+#include <sqlite3.h>
+#include <nlohmann/json.hpp>
+
+#include "base/crc32c.hpp"
+#include "ground/archive/archive_schema.hpp"
+#include "ground/archive/database.hpp"
+
+namespace srfs::ground {
+namespace {
+
+static_assert(archive_schema == archive_steps.size());
+
+constexpr std::int64_t application_id = 0x53524653;  // "SRFS"
+constexpr std::int64_t minute_ns = 60'000'000'000;
+constexpr seconds pass_silence{120};   ///< without a packet, the next one begins another pass
+constexpr seconds gap_tolerance{120};  ///< times of a node's packets are not quite in order
+constexpr seconds gap_longest{600};    ///< of gaps that become one
+constexpr seconds gap_distance{60};    ///< between them
+constexpr int live_copy = 1;
+constexpr int retrieved_copy = 2;
+constexpr std::array tables{"packets", "telecommands", "reports",    "files",   "passes",
+                            "gaps",    "sequences",    "parameters", "minutes", "dirty"};
+
+std::int64_t number_of(const wire::RequestId& request) {
+  return static_cast<std::int64_t>(request.packet_identification) << 16 | request.packet_sequence_control;
+}
+
+wire::RequestId request_id_of(std::int64_t number) {
+  return {static_cast<std::uint16_t>(number >> 16), static_cast<std::uint16_t>(number & 0xFFFF)};
+}
+
+UtcTime time_of(std::int64_t ns) {
+  return UtcTime(nanoseconds(ns));
+}
+
+std::int64_t minute_of(std::int64_t ns) {
+  return ns >= 0 ? ns / minute_ns : (ns - minute_ns + 1) / minute_ns;
+}
+
+/// The number by which the dictionary knows a packet of service 3 or 5.
+std::optional<std::uint16_t> structure_in(const wire::TmPacket& packet) {
+  const bool housekeeping = packet.service == 3 && packet.subtype == 25;
+  const bool event = packet.service == 5 && packet.subtype >= 1 && packet.subtype <= 4;
+  if ((!housekeeping && !event) || packet.source.size() < 2) return std::nullopt;
+  return OctetReader(packet.source).u16();
+}
+
+std::vector<std::string> strings_in(const std::string& text) {
+  const auto json = nlohmann::json::parse(text, nullptr, false);
+  std::vector<std::string> strings;
+  if (!json.is_array()) return strings;
+  for (const auto& entry : json) {
+    if (entry.is_string()) strings.push_back(entry.get<std::string>());
+  }
+  return strings;
+}
+
+/// WHERE of a period on a column, with its values.
+struct Where {
+  std::string sql = " WHERE 1";
+  std::vector<std::int64_t> values;
+
+  void is(const char* condition, std::int64_t value) {
+    sql += fmt::format(" AND {}?", condition);
+    values.push_back(value);
+  }
+  void in(const char* column, const Period& period) {
+    if (period.from) is((std::string(column) + ">=").c_str(), period.from->ns());
+    if (period.to) is((std::string(column) + "<").c_str(), period.to->ns());
+  }
+  void bind(Statement& statement) const {
+    for (std::size_t i = 0; i < values.size(); ++i) statement.bind(static_cast<int>(i) + 1, values[i]);
+  }
+};
+
+Where where_of(const PacketFilter& filter) {
+  Where where;
+  where.in("time", filter.period);
+  if (filter.apid) where.is("apid=", *filter.apid);
+  if (filter.service) where.is("service=", *filter.service);
+  if (filter.subtype) where.is("subtype=", *filter.subtype);
+  if (filter.structure) where.is("structure=", *filter.structure);
+  if (filter.after_id) where.is("id>", *filter.after_id);
+  return where;
+}
+
+class SqliteArchive final : public Archive {
+ public:
+  SqliteArchive(std::filesystem::path file, Database database)
+      : file_(std::move(file)), database_(std::move(database)) {}
+
+  /// What an earlier run saw.
+  [[nodiscard]] Outcome restore();
+
+  Result<std::int64_t, std::string> add(const ReceivedPacket& packet, UtcTime received) override;
+  Outcome add(const TelecommandEntry& telecommand) override;
+  Outcome add(const FileEntry& file) override;
+  Outcome commit() override;
+  Result<std::optional<wire::RequestId>, std::string> request_of(const std::string& token) override;
+  Outcome count_attempt(std::int64_t gap) override;
+  Outcome close_gap(std::int64_t gap) override;
+  Result<std::optional<DirtyMinute>, std::string> dirty_minute(UtcTime before) override;
+  Outcome set_minute(const DirtyMinute& minute, const std::map<std::string, Aggregate>& aggregates) override;
+  Outcome forget_minutes() override;
+  Outcome packets(const PacketFilter& filter, const std::function<bool(const StoredPacket&)>& take) override;
+  Result<std::uint64_t, std::string> count(const PacketFilter& filter) override;
+  Result<std::vector<StoredTelecommand>, std::string> telecommands(const Period& period,
+                                                                   std::size_t most) override;
+  Result<std::vector<Point>, std::string> minutes(const std::string& parameter,
+                                                  const Period& period) override;
+  Result<std::vector<std::int64_t>, std::string> dirty_minutes(std::uint16_t structure,
+                                                               const Period& period) override;
+  Result<std::vector<StoredGap>, std::string> gaps(const Period& period, bool open_alone) override;
+  Result<std::vector<Pass>, std::string> passes(const Period& period) override;
+  Result<std::vector<FileEntry>, std::string> files(const Period& period) override;
+  Result<std::vector<std::string>, std::string> check() override;
+  Result<std::uint64_t, std::string> prune(const std::string& table, UtcTime before) override;
+
+ private:
+  /// The statement, ready to bind; prepared once.
+  [[nodiscard]] Result<Statement*, std::string> cached(const std::string& sql);
+  /// Binds what @p bind does and runs it, in the transaction.
+  [[nodiscard]] Outcome write(const std::string& sql, const std::function<void(Statement&)>& bind);
+  [[nodiscard]] Outcome begin();
+  [[nodiscard]] Outcome on_new(const ReceivedPacket& received, std::int64_t id, std::int64_t time,
+                               const std::optional<std::uint16_t>& structure);
+  [[nodiscard]] Outcome fill_gaps(const wire::TmPacket& packet, std::int64_t time);
+  [[nodiscard]] Outcome add_gap(const Gap& gap);
+  [[nodiscard]] Outcome link_report(const wire::TmPacket& packet, std::int64_t id);
+  [[nodiscard]] Outcome write_pass();
+  void follow_pass(UtcTime received);
+  /// Each row of a query to @p take; false: enough.
+  [[nodiscard]] Outcome each(const std::string& sql, const Where& where,
+                             const std::function<bool(const Statement&)>& take);
+  [[nodiscard]] std::string text_of(const DatabaseError& error) const {
+    return fmt::format("{}: {}", file_.string(), error.message);
+  }
+  [[nodiscard]] Result<std::int64_t, std::string> parameter_id(const std::string& name);
+
+  std::filesystem::path file_;
+  Database database_;
+  std::map<std::string, Statement, std::less<>> statements_;
+  bool in_transaction_ = false;
+  GapFinder finder_;
+  std::map<std::uint16_t, GapFinder::Last> changed_;  ///< since the last commit; one an application process
+  std::optional<Pass> pass_;
+  bool pass_changed_ = false;
+  std::map<std::string, std::int64_t> parameters_;
+};
+
+Result<Statement*, std::string> SqliteArchive::cached(const std::string& sql) {
+  auto found = statements_.find(sql);
+  if (found == statements_.end()) {
+    auto statement = database_.prepare(sql);
+    if (!statement) return Err(text_of(statement.error()));
+    found = statements_.emplace(sql, std::move(*statement)).first;
+  }
+  return &found->second;
+}
+
+Archive::Outcome SqliteArchive::begin() {
+  if (in_transaction_) return {};
+  if (const auto begun = database_.run("BEGIN IMMEDIATE"); !begun) return Err(text_of(begun.error()));
+  in_transaction_ = true;
+  return {};
+}
+
+Archive::Outcome SqliteArchive::write(const std::string& sql, const std::function<void(Statement&)>& bind) {
+  if (auto begun = begin(); !begun) return begun;
+  const auto statement = cached(sql);
+  if (!statement) return Err(statement.error());
+  bind(**statement);
+  const auto done = (*statement)->run();
+  if (done) return {};
+  // What of this transaction is not written yet is lost; the next one begins anew.
+  static_cast<void>(database_.run("ROLLBACK"));
+  in_transaction_ = false;
+  return Err(text_of(done.error()));
+}
+
+Archive::Outcome SqliteArchive::each(const std::string& sql, const Where& where,
+                                     const std::function<bool(const Statement&)>& take) {
+  const auto statement = cached(sql);
+  if (!statement) return Err(statement.error());
+  where.bind(**statement);
+  Outcome outcome;
+  while (true) {
+    const auto row = (*statement)->step();
+    if (!row) outcome = Err(text_of(row.error()));
+    if (!row || !*row || !take(**statement)) break;
+  }
+  (*statement)->reset();
+  return outcome;
+}
+
+Archive::Outcome SqliteArchive::restore() {
+  auto done = each("SELECT apid, sequence, time FROM sequences", {}, [&](const Statement& row) {
+    finder_.restore(static_cast<std::uint16_t>(row.integer(0)),
+                    {static_cast<std::uint16_t>(row.integer(1)), time_of(row.integer(2))});
+    return true;
+  });
+  if (!done) return done;
+  return each("SELECT id, began, ended, packets FROM passes ORDER BY id DESC LIMIT 1", {},
+              [&](const Statement& row) {
+                pass_ = Pass{row.integer(0), time_of(row.integer(1)), time_of(row.integer(2)),
+                             static_cast<std::uint64_t>(row.integer(3))};
+                return true;
+              });
+}
+
+void SqliteArchive::follow_pass(UtcTime received) {
+  if (!pass_ || received - pass_->ended > pass_silence || received < pass_->began)
+    pass_ = Pass{0, received, received, 0};
+  pass_->ended = std::max(pass_->ended, received);
+  ++pass_->packets;
+  pass_changed_ = true;
+}
+
+Result<std::int64_t, std::string> SqliteArchive::add(const ReceivedPacket& received, UtcTime now) {
+  const wire::TmPacket& packet = received.packet;
+  const std::int64_t time = to_utc(packet.time).ns();
+  const auto structure = structure_in(packet);
+  const int copy = received.vc == tm_channel::playback ? retrieved_copy : live_copy;
+  const std::int64_t crc = crc32c(received.raw);
+  follow_pass(now);
+  const auto added = write(
+      "INSERT OR IGNORE INTO packets(time, received, apid, sequence, service, subtype, structure, copies, "
+      "crc, raw) "
+      "VALUES(?,?,?,?,?,?,?,?,?,?)",
+      [&](Statement& s) {
+        s.bind(1, time).bind(2, now.ns()).bind(3, std::int64_t{packet.apid});
+        s.bind(4, std::int64_t{packet.sequence_count}).bind(5, std::int64_t{packet.service});
+        s.bind(6, std::int64_t{packet.subtype}).bind(8, std::int64_t{copy}).bind(9, crc);
+        structure ? s.bind(7, std::int64_t{*structure}) : s.bind_null(7);
+        s.bind(10, OctetView(received.raw));
+      });
+  if (!added) return Err(added.error());
+  const bool is_new = database_.changes() > 0;
+  const std::int64_t id = database_.last_id();
+  if (copy == live_copy && packet.apid != 0) {
+    const auto gap = finder_.on_packet(packet.apid, packet.sequence_count, time_of(time));
+    changed_[packet.apid] = {packet.sequence_count, time_of(time)};
+    if (gap) {
+      if (const auto done = add_gap(*gap); !done) return Err(done.error());
+    }
+  }
+  if (!is_new) {
+    const auto marked =
+        write("UPDATE packets SET copies=copies|? WHERE apid=? AND sequence=? AND time=? AND crc=?",
+              [&](Statement& s) {
+                s.bind(1, std::int64_t{copy}).bind(2, std::int64_t{packet.apid});
+                s.bind(3, std::int64_t{packet.sequence_count}).bind(4, time).bind(5, crc);
+              });
+    if (!marked) return Err(marked.error());
+    return 0;
+  }
+  const auto done = on_new(received, id, time, structure);
+  if (!done) return Err(done.error());
+  return id;
+}
+
+Archive::Outcome SqliteArchive::on_new(const ReceivedPacket& received, std::int64_t id, std::int64_t time,
+                                       const std::optional<std::uint16_t>& structure) {
+  const wire::TmPacket& packet = received.packet;
+  if (packet.service == 3 && structure) {
+    const auto done = write("INSERT OR IGNORE INTO dirty(minute, structure) VALUES(?,?)", [&](Statement& s) {
+      s.bind(1, minute_of(time)).bind(2, std::int64_t{*structure});
+    });
+    if (!done) return done;
+  }
+  if (packet.service == 1) {
+    if (const auto done = link_report(packet, id); !done) return done;
+  }
+  return fill_gaps(packet, time);
+}
+
+/// Live telemetry may be thinned on purpose: then there is a gap every second. What follows closely on an
+/// open gap of the same process is the same one.
+Archive::Outcome SqliteArchive::add_gap(const Gap& gap) {
+  if (gap.count) {
+    const auto last = static_cast<std::int64_t>((gap.first + *gap.count - 1) % GapFinder::modulus);
+    const auto merged = write(
+        "UPDATE gaps SET count=(?+16384-first)%16384+1, end=?, missing=missing+? WHERE id=(SELECT max(id) "
+        "FROM gaps "
+        "WHERE state=0 AND apid=?) AND count IS NOT NULL AND attempts=0 AND ?>=begin AND ?-begin<? AND "
+        "?-end<?",
+        [&](Statement& s) {
+          s.bind(1, last)
+              .bind(2, gap.to.ns())
+              .bind(3, std::int64_t{*gap.count})
+              .bind(4, std::int64_t{gap.apid});
+          s.bind(5, gap.to.ns()).bind(6, gap.to.ns()).bind(7, nanoseconds(gap_longest).count());
+          s.bind(8, gap.from.ns()).bind(9, nanoseconds(gap_distance).count());
+        });
+    if (!merged || database_.changes() > 0) return merged;
+  }
+  return write(
+      "INSERT INTO gaps(apid, first, count, begin, end, missing, attempts, state) VALUES(?,?,?,?,?,?,0,0)",
+      [&](Statement& s) {
+        s.bind(1, std::int64_t{gap.apid}).bind(2, std::int64_t{gap.first});
+        gap.count ? s.bind(3, std::int64_t{*gap.count}) : s.bind_null(3);
+        s.bind(4, gap.from.ns()).bind(5, gap.to.ns()).bind(6, std::int64_t{gap.count.value_or(1)});
+      });
+}
+
+/// A packet that was missing has come.
+Archive::Outcome SqliteArchive::fill_gaps(const wire::TmPacket& packet, std::int64_t time) {
+  const std::int64_t slack = nanoseconds(gap_tolerance).count();
+  return write(
+      "UPDATE gaps SET missing=missing-1, state=CASE WHEN missing=1 THEN 1 ELSE 0 END WHERE state=0 AND "
+      "apid=? AND "
+      "count IS NOT NULL AND (?+16384-first)%16384<count AND begin<=? AND end>=?",
+      [&](Statement& s) {
+        s.bind(1, std::int64_t{packet.apid}).bind(2, std::int64_t{packet.sequence_count});
+        s.bind(3, time + slack).bind(4, time - slack);
+      });
+}
+
+/// A verification report belongs to the newest telecommand with its request id.
+Archive::Outcome SqliteArchive::link_report(const wire::TmPacket& packet, std::int64_t id) {
+  OctetReader in(packet.source);
+  const wire::RequestId request{in.u16(), in.u16()};
+  if (!in.ok()) return {};
+  return write(
+      "INSERT OR IGNORE INTO reports(telecommand, packet) SELECT id, ? FROM telecommands WHERE request=? "
+      "ORDER BY id "
+      "DESC LIMIT 1",
+      [&](Statement& s) { s.bind(1, id).bind(2, number_of(request)); });
+}
+
+Archive::Outcome SqliteArchive::add(const TelecommandEntry& telecommand) {
+  return write(
+      "INSERT INTO telecommands(token, request, sent, who, name, arguments, ad, scheduled) "
+      "VALUES(?,?,?,?,?,?,?,?)",
+      [&](Statement& s) {
+        const std::string arguments = nlohmann::json(telecommand.arguments)
+                                          .dump(-1, ' ', true, nlohmann::json::error_handler_t::replace);
+        s.bind(1, telecommand.token).bind(2, number_of(telecommand.request)).bind(3, telecommand.sent.ns());
+        s.bind(4, telecommand.who).bind(5, telecommand.name).bind(6, arguments);
+        s.bind(7, std::int64_t{telecommand.ad}).bind(8, std::int64_t{telecommand.scheduled});
+      });
+}
+
+Archive::Outcome SqliteArchive::add(const FileEntry& file) {
+  return write("INSERT INTO files(time, txn, direction, name, event, octets) VALUES(?,?,?,?,?,?)",
+               [&](Statement& s) {
+                 s.bind(1, file.time.ns()).bind(2, file.transaction).bind(3, file.direction);
+                 s.bind(4, file.name).bind(5, file.event);
+                 file.octets ? s.bind(6, static_cast<std::int64_t>(*file.octets)) : s.bind_null(6);
+               });
+}
+
+Archive::Outcome SqliteArchive::write_pass() {
+  if (!pass_ || !std::exchange(pass_changed_, false)) return {};
+  if (pass_->id == 0) {
+    const auto added = write("INSERT INTO passes(began, ended, packets) VALUES(?,?,?)", [&](Statement& s) {
+      s.bind(1, pass_->began.ns()).bind(2, pass_->ended.ns());
+      s.bind(3, static_cast<std::int64_t>(pass_->packets));
+    });
+    if (added) pass_->id = database_.last_id();
+    return added;
+  }
+  return write("UPDATE passes SET ended=?, packets=? WHERE id=?", [&](Statement& s) {
+    s.bind(1, pass_->ended.ns()).bind(2, static_cast<std::int64_t>(pass_->packets)).bind(3, pass_->id);
+  });
+}
+
+Archive::Outcome SqliteArchive::commit() {
+  if (!in_transaction_) return {};
+  for (const auto& [apid, last] : std::exchange(changed_, {})) {
+    const auto done =
+        write("INSERT OR REPLACE INTO sequences(apid, sequence, time) VALUES(?,?,?)", [&](Statement& s) {
+          s.bind(1, std::int64_t{apid}).bind(2, std::int64_t{last.sequence}).bind(3, last.time.ns());
+        });
+    if (!done) return done;
+  }
+  if (auto done = write_pass(); !done) return done;
+  in_transaction_ = false;
+  const auto committed = database_.run("COMMIT");
+  if (committed) return {};
+  static_cast<void>(database_.run("ROLLBACK"));
+  return Err(text_of(committed.error()));
+}
+
+Result<std::optional<wire::RequestId>, std::string> SqliteArchive::request_of(const std::string& token) {
+  const auto statement = cached("SELECT request FROM telecommands WHERE token=?");
+  if (!statement) return Err(statement.error());
+  (*statement)->bind(1, token);
+  const auto row = (*statement)->step();
+  std::optional<wire::RequestId> found;
+  if (row && *row) found = request_id_of((*statement)->integer(0));
+  (*statement)->reset();
+  if (!row) return Err(text_of(row.error()));
+  return found;
+}
+
+Archive::Outcome SqliteArchive::count_attempt(std::int64_t gap) {
+  return write("UPDATE gaps SET attempts=attempts+1 WHERE id=? AND state=0",
+               [&](Statement& s) { s.bind(1, gap); });
+}
+
+Archive::Outcome SqliteArchive::close_gap(std::int64_t gap) {
+  // Of a gap without count nobody knows what was missing: the retrieval is all there is to have.
+  return write(
+      "UPDATE gaps SET state=CASE WHEN count IS NULL OR missing=0 THEN 1 ELSE 2 END, missing=CASE WHEN count "
+      "IS NULL "
+      "THEN 0 ELSE missing END WHERE id=? AND state=0",
+      [&](Statement& s) { s.bind(1, gap); });
+}
+
+Result<std::optional<Archive::DirtyMinute>, std::string> SqliteArchive::dirty_minute(UtcTime before) {
+  Where where;
+  where.is("minute<", minute_of(before.ns()));
+  std::optional<DirtyMinute> found;
+  const auto done = each("SELECT minute, structure FROM dirty" + where.sql + " ORDER BY minute LIMIT 1",
+                         where, [&](const Statement& row) {
+                           found = DirtyMinute{static_cast<std::uint16_t>(row.integer(1)), row.integer(0)};
+                           return false;
+                         });
+  if (!done) return Err(done.error());
+  return found;
+}
+
+Result<std::int64_t, std::string> SqliteArchive::parameter_id(const std::string& name) {
+  if (const auto known = parameters_.find(name); known != parameters_.end()) return known->second;
+  const auto added =
+      write("INSERT OR IGNORE INTO parameters(name) VALUES(?)", [&](Statement& s) { s.bind(1, name); });
+  if (!added) return Err(added.error());
+  const auto statement = cached("SELECT id FROM parameters WHERE name=?");
+  if (!statement) return Err(statement.error());
+  (*statement)->bind(1, name);
+  const auto row = (*statement)->step();
+  const std::int64_t id = row && *row ? (*statement)->integer(0) : 0;
+  (*statement)->reset();
+  if (!row) return Err(text_of(row.error()));
+  parameters_[name] = id;
+  return id;
+}
+
+Archive::Outcome SqliteArchive::set_minute(const DirtyMinute& minute,
+                                           const std::map<std::string, Aggregate>& aggregates) {
+  for (const auto& [name, values] : aggregates) {
+    const auto id = parameter_id(name);
+    if (!id) return Err(id.error());
+    const auto done = write(
+        "INSERT OR REPLACE INTO minutes(parameter, minute, count, min, mean, max, worst) "
+        "VALUES(?,?,?,?,?,?,?)",
+        [&, &of = values](Statement& s) {
+          s.bind(1, *id).bind(2, minute.minute).bind(3, static_cast<std::int64_t>(of.count));
+          s.bind(4, of.min).bind(5, of.mean).bind(6, of.max).bind(7, static_cast<std::int64_t>(of.worst));
+        });
+    if (!done) return done;
+  }
+  return write("DELETE FROM dirty WHERE minute=? AND structure=?",
+               [&](Statement& s) { s.bind(1, minute.minute).bind(2, std::int64_t{minute.structure}); });
+}
+
+Archive::Outcome SqliteArchive::forget_minutes() {
+  const auto none = [](Statement&) {};
+  auto done = write("DELETE FROM minutes", none);
+  if (done)
+    done = write(
+        "INSERT OR IGNORE INTO dirty(minute, structure) SELECT DISTINCT time/60000000000, structure FROM "
+        "packets WHERE "
+        "service=3 AND structure IS NOT NULL",
+        none);
+  return done ? commit() : done;
+}
+
+Archive::Outcome SqliteArchive::packets(const PacketFilter& filter,
+                                        const std::function<bool(const StoredPacket&)>& take) {
+  const Where where = where_of(filter);
+  const char* const order = filter.after_id ? "id" : filter.newest_first ? "time DESC, id DESC" : "time, id";
+  std::size_t left = filter.most;
+  if (left == 0) return {};
+  return each(fmt::format("SELECT id, received, copies, raw FROM packets{} ORDER BY {}", where.sql, order),
+              where, [&](const Statement& row) {
+                StoredPacket stored{.id = row.integer(0),
+                                    .received = time_of(row.integer(1)),
+                                    .live = (row.integer(2) & live_copy) != 0,
+                                    .retrieved = (row.integer(2) & retrieved_copy) != 0,
+                                    .packet = {}};
+                stored.packet.vc = stored.live ? tm_channel::live : tm_channel::playback;
+                stored.packet.raw = row.octets(3);
+                auto telemetry = telemetry_in(stored.packet.raw);
+                if (!telemetry) return true;  // only what is a packet was added
+                stored.packet.packet = std::move(*telemetry);
+                return take(stored) && --left > 0;
+              });
+}
+
+Result<std::uint64_t, std::string> SqliteArchive::count(const PacketFilter& filter) {
+  const Where where = where_of(filter);
+  std::uint64_t rows = 0;
+  const auto done = each("SELECT count(*) FROM packets" + where.sql, where, [&](const Statement& row) {
+    rows = static_cast<std::uint64_t>(row.integer(0));
+    return false;
+  });
+  if (!done) return Err(done.error());
+  return rows;
+}
+
+Result<std::vector<StoredTelecommand>, std::string> SqliteArchive::telecommands(const Period& period,
+                                                                                std::size_t most) {
+  Where where;
+  where.in("sent", period);
+  std::vector<StoredTelecommand> found;
+  auto done = each("SELECT id, token, request, sent, who, name, arguments, ad, scheduled FROM telecommands" +
+                       where.sql + " ORDER BY id DESC",
+                   where, [&](const Statement& row) {
+                     StoredTelecommand stored;
+                     stored.id = row.integer(0);
+                     stored.entry = {.token = row.text(1),
+                                     .request = request_id_of(row.integer(2)),
+                                     .sent = time_of(row.integer(3)),
+                                     .who = row.text(4),
+                                     .name = row.text(5),
+                                     .arguments = strings_in(row.text(6)),
+                                     .ad = row.integer(7) != 0,
+                                     .scheduled = row.integer(8) != 0};
+                     found.push_back(std::move(stored));
+                     return found.size() < most;
+                   });
+  std::reverse(found.begin(), found.end());
+  for (StoredTelecommand& stored : found) {
+    if (!done) break;
+    Where of;
+    of.is("telecommand=", stored.id);
+    done = each("SELECT received, raw FROM reports JOIN packets ON packets.id=reports.packet" + of.sql +
+                    " ORDER BY packets.id",
+                of, [&](const Statement& row) {
+                  const auto packet = telemetry_in(row.octets(1));
+                  if (packet)
+                    stored.reports.push_back(
+                        {to_utc(packet->time), time_of(row.integer(0)), packet->subtype, packet->source});
+                  return true;
+                });
+  }
+  if (!done) return Err(done.error());
+  return found;
+}
+
+Result<std::vector<Point>, std::string> SqliteArchive::minutes(const std::string& parameter,
+                                                               const Period& period) {
+  const auto statement = cached("SELECT id FROM parameters WHERE name=?");
+  if (!statement) return Err(statement.error());
+  (*statement)->bind(1, parameter);
+  const auto row = (*statement)->step();
+  const bool known = row && *row;
+  const std::int64_t id = known ? (*statement)->integer(0) : 0;
+  (*statement)->reset();
+  if (!row) return Err(text_of(row.error()));
+  std::vector<Point> points;
+  if (!known) return points;
+  Where where;
+  where.is("parameter=", id);
+  if (period.from) where.is("minute>=", minute_of(period.from->ns()));
+  if (period.to) where.is("minute<", minute_of(period.to->ns() + minute_ns - 1));
+  const auto done =
+      each("SELECT minute, count, min, mean, max, worst FROM minutes" + where.sql + " ORDER BY minute", where,
+           [&](const Statement& r) {
+             points.push_back({time_of(r.integer(0) * minute_ns),
+                               {.count = static_cast<std::uint64_t>(r.integer(1)),
+                                .min = r.real(2),
+                                .mean = r.real(3),
+                                .max = r.real(4),
+                                .worst = static_cast<mission::LimitState>(r.integer(5) & 3)}});
+             return true;
+           });
+  if (!done) return Err(done.error());
+  return points;
+}
+
+Result<std::vector<std::int64_t>, std::string> SqliteArchive::dirty_minutes(std::uint16_t structure,
+                                                                            const Period& period) {
+  Where where;
+  where.is("structure=", structure);
+  if (period.from) where.is("minute>=", minute_of(period.from->ns()));
+  if (period.to) where.is("minute<", minute_of(period.to->ns() + minute_ns - 1));
+  std::vector<std::int64_t> found;
+  const auto done =
+      each("SELECT minute FROM dirty" + where.sql + " ORDER BY minute", where, [&](const Statement& row) {
+        found.push_back(row.integer(0));
+        return true;
+      });
+  if (!done) return Err(done.error());
+  return found;
+}
+
+Result<std::vector<StoredGap>, std::string> SqliteArchive::gaps(const Period& period, bool open_alone) {
+  Where where;
+  if (period.from) where.is("end>=", period.from->ns());
+  if (period.to) where.is("begin<", period.to->ns());
+  if (open_alone) where.is("state=", 0);
+  std::vector<StoredGap> found;
+  const auto done = each("SELECT id, apid, first, count, begin, end, missing, attempts, state FROM gaps" +
+                             where.sql + " ORDER BY begin, id",
+                         where, [&](const Statement& row) {
+                           StoredGap stored;
+                           stored.id = row.integer(0);
+                           stored.gap.apid = static_cast<std::uint16_t>(row.integer(1));
+                           stored.gap.first = static_cast<std::uint16_t>(row.integer(2));
+                           if (!row.is_null(3)) stored.gap.count = static_cast<std::uint16_t>(row.integer(3));
+                           stored.gap.from = time_of(row.integer(4));
+                           stored.gap.to = time_of(row.integer(5));
+                           stored.missing = static_cast<std::uint32_t>(row.integer(6));
+                           stored.attempts = static_cast<std::uint32_t>(row.integer(7));
+                           stored.state =
+                               static_cast<GapState>(std::clamp<std::int64_t>(row.integer(8), 0, 2));
+                           found.push_back(stored);
+                           return true;
+                         });
+  if (!done) return Err(done.error());
+  return found;
+}
+
+Result<std::vector<Pass>, std::string> SqliteArchive::passes(const Period& period) {
+  Where where;
+  if (period.from) where.is("ended>=", period.from->ns());
+  if (period.to) where.is("began<", period.to->ns());
+  std::vector<Pass> found;
+  const auto done = each("SELECT id, began, ended, packets FROM passes" + where.sql + " ORDER BY id", where,
+                         [&](const Statement& row) {
+                           found.push_back({row.integer(0), time_of(row.integer(1)), time_of(row.integer(2)),
+                                            static_cast<std::uint64_t>(row.integer(3))});
+                           return true;
+                         });
+  if (!done) return Err(done.error());
+  return found;
+}
+
+Result<std::vector<FileEntry>, std::string> SqliteArchive::files(const Period& period) {
+  Where where;
+  where.in("time", period);
+  std::vector<FileEntry> found;
+  const auto done =
+      each("SELECT time, txn, direction, name, event, octets FROM files" + where.sql + " ORDER BY id", where,
+           [&](const Statement& row) {
+             FileEntry file{
+                 time_of(row.integer(0)), row.text(1), row.text(2), row.text(3), row.text(4), std::nullopt};
+             if (!row.is_null(5)) file.octets = static_cast<std::uint64_t>(row.integer(5));
+             found.push_back(std::move(file));
+             return true;
+           });
+  if (!done) return Err(done.error());
+  return found;
+}
+
+Result<std::vector<std::string>, std::string> SqliteArchive::check() {
+  std::vector<std::string> wrong;
+  const auto done = each("PRAGMA integrity_check(20)", {}, [&](const Statement& row) {
+    if (row.text(0) != "ok") wrong.push_back(row.text(0));
+    return true;
+  });
+  if (!done) wrong.push_back(done.error());
+  if (!wrong.empty()) return wrong;
+  // SQLite does not see a changed octet of a row; the check of each packet does.
+  const auto packets_read = each("SELECT id, crc, raw FROM packets", {}, [&](const Statement& row) {
+    if (row.integer(1) != std::int64_t{crc32c(row.octets(2))})
+      wrong.push_back(fmt::format("packet {}: its octets have changed", row.integer(0)));
+    constexpr std::size_t told_max = 20;
+    return wrong.size() < told_max;
+  });
+  if (!packets_read) wrong.push_back(packets_read.error());
+  return wrong;
+}
+
+Result<std::uint64_t, std::string> SqliteArchive::prune(const std::string& table, UtcTime before) {
+  static const std::map<std::string, std::string> columns{{"packets", "time"}, {"telecommands", "sent"},
+                                                          {"files", "time"},   {"passes", "ended"},
+                                                          {"gaps", "end"},     {"minutes", "minute"}};
+  const auto column = columns.find(table);
+  if (column == columns.end())
+    return Err(fmt::format("'{}': expected packets, telecommands, files, passes, gaps or minutes", table));
+  const std::int64_t limit = table == "minutes" ? minute_of(before.ns()) : before.ns();
+  const auto done = write(fmt::format("DELETE FROM {} WHERE {}<?", table, column->second),
+                          [&](Statement& s) { s.bind(1, limit); });
+  if (!done) return Err(done.error());
+  const auto rows = static_cast<std::uint64_t>(database_.changes());
+  if (table == "packets" || table == "telecommands") {
+    const auto orphans = write(
+        "DELETE FROM reports WHERE telecommand NOT IN (SELECT id FROM telecommands) OR packet NOT IN (SELECT "
+        "id FROM "
+        "packets)",
+        [](Statement&) {});
+    if (!orphans) return Err(orphans.error());
+  }
+  if (const auto committed = commit(); !committed) return Err(committed.error());
+  return rows;
+}
+
+/// Brings the schema up to date. The error is ready to print.
+Archive::Outcome migrate(Database& database, ArchiveUse use) {
+  const auto version = database.number("PRAGMA user_version");
+  if (!version) return Err(version.error().message);
+  const auto id = database.number("PRAGMA application_id");
+  if (!id) return Err(id.error().message);
+  if (*version != 0 && *id != application_id) return Err(std::string("not an archive of srfs-ground"));
+  if (*version > archive_schema)
+    return Err(fmt::format("written by a newer srfs-ground (schema {}, this one knows {}): use that one",
+                           *version, archive_schema));
+  if (*version == archive_schema) return {};
+  if (use == ArchiveUse::read)
+    return Err(fmt::format("of schema {}, not {}: srfs-ground serve brings it up to date", *version,
+                           archive_schema));
+  for (auto step = static_cast<std::size_t>(*version); step < archive_steps.size(); ++step) {
+    const auto done =
+        database.run(fmt::format("BEGIN IMMEDIATE;{};PRAGMA user_version={};PRAGMA application_id={};COMMIT",
+                                 archive_steps.at(step), step + 1, application_id));
+    if (!done) return Err(done.error().message);
+  }
+  return {};
+}
+
+}  // namespace
+
+std::string_view to_text(GapState state) {
+  switch (state) {
+    case GapState::open:
+      return "open";
+    case GapState::filled:
+      return "filled";
+    case GapState::given_up:
+      return "given up";
+  }
+  return "?";
+}
+
+Result<std::unique_ptr<Archive>, std::string> open_archive(const std::filesystem::path& file,
+                                                           ArchiveUse use) {
+  std::error_code error;
+  if (use == ArchiveUse::read && !std::filesystem::exists(file, error))
+    return Err(fmt::format("{}: there is no archive; srfs-ground serve makes it", file.string()));
+  std::filesystem::create_directories(file.parent_path(), error);
+  auto database = Database::open(file, use == ArchiveUse::write ? Database::Use::write : Database::Use::read);
+  if (!database) return Err(database.error().message);
+  if (use == ArchiveUse::write) {
+    std::filesystem::permissions(
+        file, std::filesystem::perms::owner_read | std::filesystem::perms::owner_write, error);
+    // NORMAL: a process may be killed anywhere; a power failure may cost the last transactions, never the
+    // file.
+    const auto set =
+        database->run("PRAGMA journal_mode=WAL;PRAGMA synchronous=NORMAL;PRAGMA cache_size=-8000");
+    if (!set)
+      return Err(fmt::format("{}: {}; see srfs-ground archive repair", file.string(), set.error().message));
+  }
+  if (const auto migrated = migrate(*database, use); !migrated)
+    return Err(fmt::format("{}: {}", file.string(), migrated.error()));
+  auto archive = std::make_unique<SqliteArchive>(file, std::move(*database));
+  if (const auto restored = archive->restore(); !restored) return Err(restored.error());
+  return archive;
+}
+
+namespace {
+
+/// Rows of one table by their numbers, around what cannot be read.
+struct Copied {
+  std::uint64_t rows = 0;
+  std::uint64_t lost = 0;
+};
+
+Copied copy_table(Database& into, const std::string& table) {
+  Copied copied;
+  const auto whole = into.run(fmt::format("INSERT OR IGNORE INTO main.{0} SELECT * FROM damaged.{0}", table));
+  if (whole) {
+    copied.rows = static_cast<std::uint64_t>(into.changes());
+    return copied;
+  }
+  const auto last = into.number(fmt::format("SELECT max(rowid) FROM damaged.{}", table));
+  if (!last) return copied;  // a table without rowid, or its root is damaged: made again, or lost
+  constexpr std::int64_t chunk = 256;
+  const auto copy = [&](std::int64_t begin, std::int64_t end) {
+    const auto done = into.run(
+        fmt::format("INSERT OR IGNORE INTO main.{0} SELECT * FROM damaged.{0} WHERE rowid>={1} AND rowid<{2}",
+                    table, begin, end));
+    if (done) copied.rows += static_cast<std::uint64_t>(into.changes());
+    return done.has_value();
+  };
+  for (std::int64_t begin = 1; begin <= *last; begin += chunk) {
+    if (copy(begin, begin + chunk)) continue;
+    for (std::int64_t row = begin; row < begin + chunk && row <= *last; ++row) {
+      if (!copy(row, row + 1)) ++copied.lost;
+    }
+  }
+  return copied;
+}
+
+}  // namespace
+
+Result<Repaired, std::string> repair_archive(const std::filesystem::path& file) {
+  std::filesystem::path fresh = file;
+  fresh += ".repaired";
+  std::error_code error;
+  std::filesystem::remove(fresh, error);
+  {
+    const auto made = open_archive(fresh, ArchiveUse::write);
+    if (!made) return Err(made.error());
+  }
+  Repaired repaired;
+  {
+    auto into = Database::open(fresh, Database::Use::write);
+    if (!into) return Err(into.error().message);
+    auto attach = into->prepare("ATTACH DATABASE ? AS damaged");
+    if (!attach) return Err(attach.error().message);
+    attach->bind(1, file.string());
+    if (const auto attached = attach->run(); !attached)
+      return Err(fmt::format("{}: {}", file.string(), attached.error().message));
+    for (const char* table : tables) {
+      const Copied copied = copy_table(*into, table);
+      repaired.rows += copied.rows;
+      repaired.lost += copied.lost;
+    }
+    static_cast<void>(into->run("PRAGMA wal_checkpoint(TRUNCATE)"));
+  }
+  repaired.damaged = file;
+  repaired.damaged += ".damaged";
+  for (const char* suffix : {"", "-wal", "-shm"}) {
+    std::filesystem::rename(file.string() + suffix, repaired.damaged.string() + suffix, error);
+  }
+  std::filesystem::rename(fresh, file, error);
+  if (error) return Err(fmt::format("{}: {}", file.string(), error.message()));
+  for (const char* suffix : {"-wal", "-shm"}) std::filesystem::remove(fresh.string() + suffix, error);
+  return repaired;
+}
+
+}  // namespace srfs::ground

@@ -1,0 +1,183 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <functional>
+#include <memory>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "base/octets.hpp"
+#include "base/result.hpp"
+#include "base/time.hpp"
+#include "ground/archive/gap_finder.hpp"
+#include "ground/archive/minutes.hpp"
+#include "ground/downlink.hpp"
+#include "wire/pus.hpp"
+
+namespace srfs::ground {
+
+/// A period; open ends where nullopt.
+struct Period {
+  std::optional<UtcTime> from;
+  std::optional<UtcTime> to;  ///< not included
+};
+
+struct StoredPacket {
+  std::int64_t id = 0;
+  UtcTime received;        ///< the first copy
+  bool live = false;       ///< a copy came live
+  bool retrieved = false;  ///< a copy came from the packet store on board
+  ReceivedPacket packet;
+};
+
+/// One telecommand as it was ordered.
+struct TelecommandEntry {
+  std::string token;  ///< of the client, unique: an order that is repeated is found by it
+  wire::RequestId request;
+  UtcTime sent = {};
+  std::string who = {};
+  std::string name;
+  std::vector<std::string> arguments;
+  bool ad = false;
+  bool scheduled = false;  ///< a packet for the schedule on board; its insertion is an entry of its own
+};
+
+/// What became of it: the verification reports (PUS 1) that name it.
+struct StoredTelecommand {
+  std::int64_t id = 0;
+  TelecommandEntry entry;
+  struct Report {
+    UtcTime time;  ///< of the spacecraft
+    UtcTime received;
+    std::uint8_t subtype = 0;
+    Octets source;  ///< request id, then what the subtype adds
+  };
+  std::vector<Report> reports;  ///< in the order of their coming
+};
+
+struct FileEntry {
+  UtcTime time;
+  std::string transaction;
+  std::string direction;
+  std::string name;
+  std::string event;
+  std::optional<std::uint64_t> octets;
+};
+
+struct Pass {
+  std::int64_t id = 0;
+  UtcTime began;
+  UtcTime ended;
+  std::uint64_t packets = 0;
+};
+
+enum class GapState : std::uint8_t {
+  open,
+  filled,
+  given_up,  ///< retrieved, and the spacecraft does not have them
+};
+[[nodiscard]] std::string_view to_text(GapState state);
+
+struct StoredGap {
+  std::int64_t id = 0;
+  Gap gap;
+  std::uint32_t missing = 0;  ///< not found yet; of a gap without count: 1 while it is open
+  std::uint32_t attempts = 0;
+  GapState state = GapState::open;
+};
+
+struct PacketFilter {
+  Period period = {};
+  std::optional<std::uint16_t> apid = {};
+  std::optional<std::uint8_t> service = {};
+  std::optional<std::uint8_t> subtype = {};
+  std::optional<std::uint16_t> structure = {};  ///< of housekeeping (3,25) or an event (5,x): its number
+  std::optional<std::int64_t> after_id = {};    ///< packets that came later than this one
+  bool newest_first = false;
+  std::size_t most = SIZE_MAX;
+};
+
+/// The station's memory. One process writes, many read. Raw packets are the truth; everything that a
+/// dictionary explains is made of them. The errors are ready to print.
+class Archive {
+ public:
+  using Outcome = Result<void, std::string>;
+  Archive() = default;
+  virtual ~Archive() = default;
+  Archive(const Archive&) = delete;
+  Archive& operator=(const Archive&) = delete;
+
+  // Writing. What is added is in the archive, whatever happens to the process, when commit() has returned.
+  /// Live and retrieved copies of a packet are one. @return its number when it is new; 0: it was there
+  [[nodiscard]] virtual Result<std::int64_t, std::string> add(const ReceivedPacket& packet,
+                                                              UtcTime received) = 0;
+  [[nodiscard]] virtual Outcome add(const TelecommandEntry& telecommand) = 0;
+  [[nodiscard]] virtual Outcome add(const FileEntry& file) = 0;
+  [[nodiscard]] virtual Outcome commit() = 0;
+  /// The request of a telecommand that was recorded with this token.
+  [[nodiscard]] virtual Result<std::optional<wire::RequestId>, std::string> request_of(
+      const std::string& token) = 0;
+  /// A retrieval of what is missing in a gap begins: from now on it grows no more.
+  [[nodiscard]] virtual Outcome count_attempt(std::int64_t gap) = 0;
+  /// All stores were retrieved completely: what is still missing is not to be had.
+  [[nodiscard]] virtual Outcome close_gap(std::int64_t gap) = 0;
+
+  // Minutes: made of raw packets, later.
+  struct DirtyMinute {
+    std::uint16_t structure = 0;
+    std::int64_t minute = 0;  ///< since 1970
+  };
+  /// The oldest minute whose aggregates are not made yet, and that began before @p before.
+  [[nodiscard]] virtual Result<std::optional<DirtyMinute>, std::string> dirty_minute(UtcTime before) = 0;
+  [[nodiscard]] virtual Outcome set_minute(const DirtyMinute& minute,
+                                           const std::map<std::string, Aggregate>& aggregates) = 0;
+  /// All aggregates are made anew, by a corrected dictionary.
+  [[nodiscard]] virtual Outcome forget_minutes() = 0;
+
+  // Reading.
+  /// @param take  false: enough
+  [[nodiscard]] virtual Outcome packets(const PacketFilter& filter,
+                                        const std::function<bool(const StoredPacket&)>& take) = 0;
+  [[nodiscard]] virtual Result<std::uint64_t, std::string> count(const PacketFilter& filter) = 0;
+  [[nodiscard]] virtual Result<std::vector<StoredTelecommand>, std::string> telecommands(
+      const Period& period, std::size_t most) = 0;
+  [[nodiscard]] virtual Result<std::vector<Point>, std::string> minutes(const std::string& parameter,
+                                                                        const Period& period) = 0;
+  /// Minutes of a structure in this period whose aggregates are not made yet.
+  [[nodiscard]] virtual Result<std::vector<std::int64_t>, std::string> dirty_minutes(
+      std::uint16_t structure, const Period& period) = 0;
+  [[nodiscard]] virtual Result<std::vector<StoredGap>, std::string> gaps(const Period& period,
+                                                                         bool open_alone) = 0;
+  [[nodiscard]] virtual Result<std::vector<Pass>, std::string> passes(const Period& period) = 0;
+  [[nodiscard]] virtual Result<std::vector<FileEntry>, std::string> files(const Period& period) = 0;
+
+  // Care.
+  /// What is wrong with the file; empty: nothing.
+  [[nodiscard]] virtual Result<std::vector<std::string>, std::string> check() = 0;
+  /// Removes what is older. @return how many rows
+  [[nodiscard]] virtual Result<std::uint64_t, std::string> prune(const std::string& table,
+                                                                 UtcTime before) = 0;
+};
+
+inline constexpr std::string_view archive_name = "archive.sqlite";  ///< in STATE
+inline constexpr std::int64_t archive_schema = 1;
+
+enum class ArchiveUse : std::uint8_t { read, write };
+/// Opens or makes an archive in an SQLite file, and brings an older one up to date.
+[[nodiscard]] Result<std::unique_ptr<Archive>, std::string> open_archive(const std::filesystem::path& file,
+                                                                         ArchiveUse use);
+
+struct Repaired {
+  std::uint64_t rows = 0;         ///< kept
+  std::uint64_t lost = 0;         ///< could not be read
+  std::filesystem::path damaged;  ///< the old file
+};
+/// Copies all rows that can be read into a new file, which takes the place of the damaged one.
+[[nodiscard]] Result<Repaired, std::string> repair_archive(const std::filesystem::path& file);
+
+}  // namespace srfs::ground
