@@ -62,6 +62,7 @@ RULES = (
     Rule(r"srfs-product var/ground/files/strip", replaced=((r"var/ground/files", "var/files/outbox"),)),
     Rule(r"param restore payload_eps 3", replaced=((r"3$", "1"),)),
     Rule(r"ring.restore_orders|param (history|restore) NODE", skipped="tests/system/test_command_path.py"),  # nothing is set aside here
+    Rule(r"lifecycle payload_eps deactivate", then="build-release/bin/srfs lifecycle payload_eps activate"),
     Rule(r"srfs restart", skipped="tests/system/test_watchdog.py"),
     Rule(r"node.send_report", replaced=((r"NODE", "payload_eps"),), codes=(1,), says="no_report"),  # no node died
     Rule(r"ring.hold", replaced=((r"NODE", "payload_thermal"),), then="build-release/bin/srfs ring release payload_thermal"),
