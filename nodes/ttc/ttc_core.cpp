@@ -1,6 +1,7 @@
 // SPDX-FileCopyrightText: 2026 SRFS contributors
 // SPDX-License-Identifier: Apache-2.0
-// The way of a telecommand: line, decision, journal, execution, end. Telemetry is in ttc_telemetry.cpp.
+// The way of a telecommand: line, decision, journal, execution, end. Telemetry is in ttc_telemetry.cpp,
+// monitoring and event-action in ttc_monitoring.cpp.
 #include "nodes/ttc/ttc_core.hpp"
 
 #include <algorithm>
@@ -432,107 +433,6 @@ bool TtcCore::release(const ScheduledActivity& activity) {
   }
   gate_.enter(std::move(judged), journal_.revision(), now_);
   return true;
-}
-
-// ---- monitoring and event-action
-
-void TtcCore::run_monitoring() {
-  monitoring_.monitoring().on_time(clock_.tai_at(now_), now_);
-  report_transitions();
-  monitoring_.go_on(downlink_.room_octets(DownlinkChannel::live));
-}
-
-void TtcCore::run_event_actions() {
-  for (const auto& event : event_actions_.drop_overdue(now_)) raise(event);
-  // One whose node has no room does not hold up the others.
-  for (const EventActionService::Due& due : event_actions_.due(now_)) {
-    if (event_actions_.may_release(now_)) static_cast<void>(release_action(due));
-  }
-  for (const auto& event : event_actions_.take_delayed()) raise(event);
-  for (const auto& event : event_actions_.take_unusable()) send_event(event);
-}
-
-/// In the form of an activity of the schedule: one record accepts it, and nothing is done before that is on
-/// disk.
-bool TtcCore::release_action(const EventActionService::Due& due) {
-  if (!gate_.has_room() || !journal_.has_room()) return false;
-  const auto sequence = static_cast<std::uint16_t>(journal_.next_id() & 0x3FFF);
-  const Octets request = EventActionService::request_of(due.packet, sequence);
-  JudgedTelecommand judged = router_.judge(request, now_);
-  if (!judged.refusal) {
-    report_contradiction(due, judged.telecommand);
-    const UplinkedPacket packet{.frame = {}, .packet = request, .link = uplink_.state()};
-    judged.telecommand.origin.id = journal_.accept(judged.telecommand, packet, now_);
-    event_actions_.on_released(due.key, now_);
-    mission::EventActionReleasedEvent event;
-    event.event = due.key.event;
-    event.apid = due.raised_by;
-    event.telecommand = judged.telecommand.origin.id;
-    event.command = judged.telecommand.command->name;
-    raise(event);
-  } else if (judged.refusal->code == mission::failure::queue_full) {
-    return false;
-  } else {
-    record_refusal(judged, journal_.link());
-    event_actions_.on_refused(due.key, now_);
-  }
-  gate_.enter(std::move(judged), journal_.revision(), now_);
-  return true;
-}
-
-void TtcCore::report_contradiction(const EventActionService::Due& due, const Telecommand& released) {
-  const mission::Command& command = *released.command;
-  for (const AcceptedTelecommand* other : journal_.known()) {
-    if (other->end) continue;
-    const auto packet = wire::parse_tc_packet(other->packet);
-    if (!packet || packet->apid != command.apid || packet->service != command.service ||
-        packet->subtype != command.subtype)
-      continue;
-    OctetReader in(packet->application);
-    if (command.is_function() && in.u16() != command.function_id) continue;
-    const OctetView arguments = in.rest();
-    if (std::equal(arguments.begin(), arguments.end(), released.arguments.begin(), released.arguments.end()))
-      continue;
-    mission::EventActionContradictionEvent event;
-    event.event = due.key.event;
-    event.apid = due.raised_by;
-    event.command = command.name;
-    event.telecommand = other->origin.id;
-    raise(event);
-  }
-}
-
-std::optional<std::uint16_t> TtcCore::why_no_action(OctetView packet) const {
-  if (const auto error = router_.check_scheduled(packet)) return error->first;
-  const auto parsed = wire::parse_tc_packet(packet);
-  const bool is_function = parsed && parsed->service == 8;
-  const mission::Command* command =
-      !parsed       ? nullptr
-      : is_function ? dictionary_.function(parsed->apid, OctetReader(parsed->application).u16())
-                    : dictionary_.request(parsed->apid, parsed->service, parsed->subtype);
-  const bool allowed = command != nullptr && !command->hazardous && !event_actions_.provides(*command);
-  return allowed ? std::nullopt : std::optional<std::uint16_t>(mission::failure::none);
-}
-
-void TtcCore::store_tables() {
-  if (auto change = monitoring_.take_change())
-    act(WriteTable{std::string(MonitoringService::table_name), std::move(*change)});
-  if (auto change = event_actions_.take_change())
-    act(WriteTable{std::string(EventActionService::table_name), std::move(*change)});
-}
-
-void TtcCore::on_table_written(const std::string& name, const TableChange& change, bool stored) {
-  if (name == MonitoringService::table_name) return monitoring_.on_stored(change, stored);
-  event_actions_.on_stored(change, stored);
-}
-
-void TtcCore::report_damaged_tables() {
-  for (const std::string_view table : std::exchange(damaged_tables_, {})) {
-    log(LogLine::Level::error, fmt::format("the stored {} are damaged: the factory set is used", table));
-    mission::MonitorTableDamagedEvent event;
-    event.table = table;
-    send_event(event);
-  }
 }
 
 // ---- command loss

@@ -157,9 +157,9 @@ struct LogLine {
 
 using TtcAction =
     std::variant<WriteJournal, WriteState, WriteKeys, WriteTable, CopyLinkState, ForgetWantedFloor,
-                 CommitStores, ReadStore, PublishTelecommand, PublishMode, FollowMode, RaiseEvent, TestConnection,
-                 CallParameter, ServeFile, TakeFilesTurn, ServeImaging, ServeImages, ReopenLine,
-                 RestartComputer, AcceptanceSent, LogLine>;
+                 CommitStores, ReadStore, PublishTelecommand, PublishMode, FollowMode, RaiseEvent,
+                 TestConnection, CallParameter, ServeFile, TakeFilesTurn, ServeImaging, ServeImages,
+                 ReopenLine, RestartComputer, AcceptanceSent, LogLine>;
 
 /// Why the counters of the uplink get a floor as soon as the time is valid.
 enum class FloorWanted : std::uint8_t { no, first_start, counters_lost };

@@ -51,25 +51,6 @@ void TtcCore::send_sample(std::uint16_t apid, std::uint16_t structure_id, OctetV
   monitor(structure_id, data);
 }
 
-void TtcCore::monitor(std::uint16_t structure_id, OctetView data) {
-  monitoring_.monitoring().on_sample(structure_id, data, clock_.tai_at(now_), now_);
-  report_transitions();
-}
-
-void TtcCore::report_transitions() {
-  for (const Monitoring::Transition& transition : monitoring_.monitoring().take_transitions()) {
-    if (const auto report = monitoring_.report_of(transition, now_)) send(*report);
-    const mission::Event* event = dictionary_.event(transition.event);
-    if (event == nullptr) continue;
-    mission::MonitorSoftLimitEvent content;  // all events of monitors have the same
-    content.definition = transition.definition;
-    content.parameter = transition.parameter;
-    content.value = transition.value;
-    content.limit = transition.limit;
-    if (const auto report = own_event(event->severity, event->id, content.encoded())) send(*report);
-  }
-}
-
 std::optional<Report> TtcCore::own_event(mission::EventSeverity severity, std::uint16_t event_id,
                                          OctetView data) {
   const std::uint16_t apid = dictionary_.apid_of_node(node_)->apid;
@@ -553,13 +534,6 @@ void TtcCore::send_schedule_housekeeping(MonotonicTime now) {
   h.late = counters.late;
   h.disabled = counters.disabled;
   h.refused = counters.refused;
-  send_housekeeping(h, now);
-}
-
-void TtcCore::send_monitoring_housekeeping(MonotonicTime now) {
-  mission::TtcMonitoringHousekeeping h;
-  monitoring_.fill(h);
-  event_actions_.fill(h);
   send_housekeeping(h, now);
 }
 

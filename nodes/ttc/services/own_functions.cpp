@@ -40,9 +40,8 @@ void ModeService::execute(const Telecommand& telecommand, MonotonicTime /*now*/)
   const bool by_event = telecommand.origin.source_id == EventActionService::on_board_source;
   ModeWhy why{.reason = "commanded"};
   if (by_event) why = {.cause = ModeCause::on_board, .reason = "event-action"};
-  set_change({.origin = telecommand.origin,
-              .mode = mode,
-              .stored_text = mode_.change(mode, std::move(why), utc_)});
+  set_change(
+      {.origin = telecommand.origin, .mode = mode, .stored_text = mode_.change(mode, std::move(why), utc_)});
 }
 
 // ---- arming
