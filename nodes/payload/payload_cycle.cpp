@@ -607,6 +607,7 @@ PayloadActions PayloadCycle::on_deadline(MonotonicTime now) {
 void PayloadCycle::start_power_cycle(const std::string& reason, nanoseconds off_time, bool by_command) {
   ++counters_.power_cycles;
   if (!by_command) journal_.on_ids_lost();
+  note_ids_lost(!journal_.is_durable());
   power_reason_ = reason;
   power_off_time_ = off_time;
   power_by_command_ = by_command;
@@ -652,6 +653,10 @@ void PayloadCycle::on_switched_off(bool ok, MonotonicTime now) {
     keep_off(true);
     act(PayloadEvent{.kind = PayloadEvent::Kind::peripheral_kept_off, .number = babble_.in_a_row()});
   }
+}
+
+void PayloadCycle::note_ids_lost(bool lost) {
+  if (std::exchange(ids_lost_, lost) != lost) act(RememberIdsLost{lost});
 }
 
 void PayloadCycle::keep_off(bool off) {
@@ -710,6 +715,7 @@ PayloadActions PayloadCycle::on_telecommand(StoredTelecommand telecommand, Monot
 
 PayloadActions PayloadCycle::on_journal_written(std::uint64_t revision, bool ok, MonotonicTime now) {
   journal_.on_written(revision, ok);
+  if (journal_.is_durable()) note_ids_lost(false);
   if (step_ == Step::storing) {
     if (!ok) {
       fail_slot("the start of a telecommand could not be stored", now);

@@ -137,6 +137,11 @@ struct SwitchPower {
 struct RememberKeptOff {
   bool kept_off = false;
 };
+/// The peripheral loses the ids it knew while the disk lacks what it executed: remembered without the disk,
+/// across a restart of the process, until the disk has it.
+struct RememberIdsLost {
+  bool lost = false;
+};
 struct PayloadEvent {
   enum class Kind : std::uint8_t {
     peripheral_silent,        ///< number: slots in a row
@@ -157,8 +162,8 @@ struct PayloadEvent {
 
 using PayloadAction =
     std::variant<PublishStatus, OpenBus, CloseBus, SendRequest, AbortRequest, AwaitQuiet, ProcessMeasurement,
-                 CommandDone, WriteTelecommands, SwitchPower, WithdrawFrames, RememberKeptOff, PayloadEvent,
-                 OrdersObeyed, OrderRefused, StageReport, Activity>;
+                 CommandDone, WriteTelecommands, SwitchPower, WithdrawFrames, RememberKeptOff,
+                 RememberIdsLost, PayloadEvent, OrdersObeyed, OrderRefused, StageReport, Activity>;
 using PayloadActions = std::vector<PayloadAction>;
 
 /// Why a request got no usable answer.
@@ -179,6 +184,11 @@ class PayloadCycle {
 
   /// An earlier process of this node kept the peripheral off. Before activate().
   void restore_kept_off() { kept_off_ = true; }
+  /// The peripheral lost its ids under an earlier process, whose last telecommands are not on the disk.
+  void restore_ids_lost() {
+    ids_lost_ = true;
+    journal_.interrupt_restored();
+  }
 
   /// What the mode holds the peripheral to. They go out behind the telecommands.
   PayloadActions set_orders(std::vector<StandingOrder> once, std::vector<StandingOrder> hold,
@@ -289,6 +299,7 @@ class PayloadCycle {
   void end_power_cycle(FailureCode outcome);
   void stop_awaiting_power_off(MonotonicTime now);
   void on_switched_off(bool ok, MonotonicTime now);
+  void note_ids_lost(bool lost);
   void keep_off(bool off);
   /// When the own frames must have left, or are taken back.
   [[nodiscard]] MonotonicTime drain_deadline(MonotonicTime now) const;
@@ -328,6 +339,7 @@ class PayloadCycle {
   BabbleMonitor babble_;
   bool keep_off_wanted_ = false;  ///< being switched off to stay so
   bool kept_off_ = false;
+  bool ids_lost_ = false;  ///< remembered
   nanoseconds power_off_time_{0};
   std::string power_reason_;
   std::optional<MonotonicTime> power_deadline_;

@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "nodes/payload/payload_node.hpp"
 
+#include <fcntl.h>
 #include <malloc.h>
 #include <sys/epoll.h>
 
@@ -11,6 +12,7 @@
 
 #include "base/excerpt.hpp"
 #include "base/file.hpp"
+#include "base/private_file.hpp"
 #include "base/saturate.hpp"
 #include "base/text.hpp"
 #include "hw/open.hpp"
@@ -192,6 +194,8 @@ void PayloadNode::restore() {
         return profile->decode_command(function, arguments);
       },
       std::move(journal));
+  std::error_code ec;
+  if (std::filesystem::exists(ids_lost_mark(), ec)) cycle_->restore_ids_lost();
   if (std::filesystem::exists(kept_off_mark())) cycle_->restore_kept_off();
   once_done_.reset();
   std::uint32_t change = 0;
@@ -327,6 +331,10 @@ void PayloadNode::raise_order_failed(const std::string& order, const std::string
 
 std::filesystem::path PayloadNode::kept_off_mark() const {
   return state_dir() / "peripheral_kept_off";
+}
+
+std::filesystem::path PayloadNode::ids_lost_mark() const {
+  return var().memory() / (name() + "_ids_lost");
 }
 
 CallbackReturn PayloadNode::on_activate() {
@@ -823,6 +831,16 @@ void PayloadNode::carry_out(const RememberKeptOff& action) {
         kept_off ? write_file_atomically(file, "kept off: it babbles\n") : remove_durably(file);
     if (!written) log::error("{}", written.error().message);
   });
+}
+
+void PayloadNode::carry_out(const RememberIdsLost& action) {
+  if (action.lost) {
+    const auto made = open_private(ids_lost_mark(), O_RDWR | O_CREAT, var().owner());
+    if (!made) log::error("a restart may repeat telecommands: {}", made.error().message);
+  } else {
+    std::error_code ec;
+    std::filesystem::remove(ids_lost_mark(), ec);
+  }
 }
 
 void PayloadNode::carry_out(const PayloadEvent& action) {

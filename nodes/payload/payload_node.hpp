@@ -58,6 +58,8 @@ class PayloadNode : public suite::Node {
   void remember_once_done(std::optional<std::uint32_t> change);
   /// A file that is there while the peripheral is kept off.
   [[nodiscard]] std::filesystem::path kept_off_mark() const;
+  /// On tmpfs: the disk may have failed. Another boot ends what was pending in any case.
+  [[nodiscard]] std::filesystem::path ids_lost_mark() const;
   void close();
 
   // Input
@@ -85,6 +87,7 @@ class PayloadNode : public suite::Node {
   void carry_out(const SwitchPower& action);
   void carry_out(const WithdrawFrames& action);
   void carry_out(const RememberKeptOff& action);
+  void carry_out(const RememberIdsLost& action);
   void carry_out(const PayloadEvent& action);
   void carry_out(const OrdersObeyed& action);
   void carry_out(const OrderRefused& action);

@@ -80,6 +80,7 @@ void Payload::restore() {
         return profile->decode_command(function, arguments);
       },
       std::move(journal));
+  if (around_.ids_lost) cycle_->restore_ids_lost();
   if (around_.disk.read(host_.name() + "/peripheral_kept_off")) cycle_->restore_kept_off();
 }
 
@@ -290,6 +291,10 @@ void Payload::carry_out(const RememberKeptOff& action) {
   } else {
     around_.disk.remove(file);
   }
+}
+
+void Payload::carry_out(const RememberIdsLost& action) {
+  around_.ids_lost = action.lost;
 }
 
 void Payload::carry_out(const PayloadEvent& action) {

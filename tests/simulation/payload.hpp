@@ -34,6 +34,7 @@ struct PayloadSurroundings {
   CanLine& can;
   Disk& disk;
   PowerLine& power;
+  bool& ids_lost;  ///< the mark on tmpfs
   const std::vector<suite::Slot>& slots;
   Host& switcher;
   Host& ttc;  ///< reports wait until it hears them
@@ -77,6 +78,7 @@ class Payload final : public Program {
   void carry_out(const SwitchPower& action);
   void carry_out(const WithdrawFrames& action);
   void carry_out(const RememberKeptOff& action);
+  void carry_out(const RememberIdsLost& action);
   void carry_out(const PayloadEvent& action);
   void carry_out(const StageReport& action);
   void carry_out(const Activity& action);

@@ -199,9 +199,9 @@ std::unique_ptr<Program> Spacecraft::make_logic(Host& made_for) {
       owners_[i] = made_for.pid();
       return std::make_unique<Payload>(
           made_for,
-          PayloadSurroundings{topics_, network_, can_, disk_, *devices_[i], slots_, host(Lane::can_switcher),
-                              host(Lane::ttc), static_cast<std::uint8_t>(first_can_address + i), boot_id_,
-                              profiles[i]});
+          PayloadSurroundings{topics_, network_, can_, disk_, *devices_[i], ids_lost_[i], slots_,
+                              host(Lane::can_switcher), host(Lane::ttc),
+                              static_cast<std::uint8_t>(first_can_address + i), boot_id_, profiles[i]});
     }
     case Lane::ttc:
       return std::make_unique<Ttc>(made_for, ttc_surroundings());
@@ -250,6 +250,7 @@ void Spacecraft::cut_power(const char* why, bool by_watchdog) {
   can_.lose_computer();
   ttc_flash_.lose_power();
   holder_word_.holder.reset();
+  ids_lost_ = {};
   ring_->lose_power();
   watchdog_ = {.fed = std::nullopt, .bit = by_watchdog};
   kernel_.later(kernel_.random("boot" + std::to_string(boots_)).between(seconds(2), seconds(20)), [this] {

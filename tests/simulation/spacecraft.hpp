@@ -100,6 +100,7 @@ class Spacecraft {
   WatchdogTimer watchdog_;
   HolderWord holder_word_;
   SwitcherSurroundings::Ledger ledger_;
+  std::array<bool, payload_count> ids_lost_{};  ///< marks on tmpfs, by payload
   std::vector<suite::Slot> slots_;
   std::vector<std::unique_ptr<Device>> devices_;
   std::vector<std::unique_ptr<Host>> hosts_;

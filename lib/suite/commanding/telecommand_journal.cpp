@@ -225,6 +225,15 @@ void TelecommandJournal::on_ids_lost() {
   if (pending_.front().attempts > 0 || pending_.front().restored) finish(mission::failure::interrupted);
 }
 
+void TelecommandJournal::interrupt_restored() {
+  std::erase_if(pending_, [this](const Pending& p) {
+    if (!p.restored || p.telecommand.repeat != RepeatClass::by_id) return false;
+    ++revision_;
+    remember({p.telecommand.id, Stage::completion, false, mission::failure::interrupted});
+    return true;
+  });
+}
+
 void TelecommandJournal::finish(FailureCode outcome) {
   assert(!pending_.empty());
   end_front({pending_.front().telecommand.id, Stage::completion, outcome == mission::failure::none, outcome});

@@ -91,11 +91,16 @@ class TelecommandJournal {
   /// The peripheral lost the ids it knew (its power was cut): a by_id command that it may have executed is
   /// not repeated, and ends as interrupted.
   void on_ids_lost();
+  /// The same when that happened to an earlier process, and what the disk had then was older: any restored
+  /// by_id command may have been executed, and ends as interrupted.
+  void interrupt_restored();
   /// The next one ended.
   void finish(FailureCode outcome);
 
   /// Rises with each change that must reach the disk.
   [[nodiscard]] std::uint64_t revision() const { return revision_; }
+  /// Everything is on disk.
+  [[nodiscard]] bool is_durable() const { return durable_ == revision_; }
   /// Revision @p revision was written, or could not be: then what waited to be accepted is refused
   /// (storage_unavailable).
   void on_written(std::uint64_t revision, bool ok);

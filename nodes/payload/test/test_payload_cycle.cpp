@@ -695,6 +695,21 @@ TEST_F(PayloadCycleFlood, WhileKeptOffFailsTelecommandsToItAndObeysThePowerCycle
   EXPECT_TRUE(sends<wire::WakeUpRequest>(grant()));
 }
 
+TEST_F(PayloadCycleFlood, RemembersWithoutTheDiskThatTheIdsAreLostWhileTheDiskLacksWhatWasExecuted) {
+  cycle.on_telecommand({1, 1, RepeatClass::by_id, MonotonicTime(), {}}, now);
+  cycle.on_journal_written(cycle.journal().revision(), true, now);
+  cycle.on_telecommand({2, 1, RepeatClass::by_id, MonotonicTime(), {}}, now);
+  cycle.on_journal_written(cycle.journal().revision(), false, now);
+  const PayloadActions off = flood();
+  ASSERT_NE(find<RememberIdsLost>(off), nullptr);
+  EXPECT_TRUE(find<RememberIdsLost>(off)->lost);
+
+  cycle.on_power_switched(false, true, now);
+  const PayloadActions stored = cycle.on_journal_written(cycle.journal().revision(), true, now);
+  ASSERT_NE(find<RememberIdsLost>(stored), nullptr);
+  EXPECT_FALSE(find<RememberIdsLost>(stored)->lost);
+}
+
 TEST_F(PayloadCycleFlood, StaysOffAcrossARestartOfTheNode) {
   PayloadCycle next{PayloadSettings{}, decode, TelecommandJournal{"boot"}};
   next.restore_kept_off();

@@ -208,6 +208,7 @@ class World {
   void check(const WithdrawFrames& /*withdraw*/) {
     ASSERT_FALSE(request_) << "frames were taken back that still had a purpose";
   }
+  void check(const RememberIdsLost& /*remember*/) {}
   void check(const RememberKeptOff& remember) {
     ASSERT_NE(remember.kept_off, kept_off_) << "no change";
     kept_off_ = remember.kept_off;

@@ -1031,6 +1031,7 @@ class World {
     check_quiet(who);
   }
   void carry_out(std::uint8_t /*who*/, const RememberKeptOff& /*remember*/) {}
+  void carry_out(std::uint8_t /*who*/, const RememberIdsLost& /*remember*/) {}
   void carry_out(std::uint8_t /*who*/, const CommandDone& /*done*/) {}
   void carry_out(std::uint8_t /*who*/, const OrdersObeyed& /*obeyed*/) {}
   void carry_out(std::uint8_t /*who*/, const OrderRefused& /*refused*/) {}

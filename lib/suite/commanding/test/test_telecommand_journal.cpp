@@ -180,6 +180,27 @@ TEST_F(TelecommandJournalTest, EndsOnlyAByIdCommandThatMayHaveBeenSentWhenItsPer
   EXPECT_EQ(journal.pending(), 1U) << "may be done twice";
 }
 
+TEST_F(TelecommandJournalTest, EndsAllRestoredByIdCommandsWhenAnOldFileMayLackThatTheyWereExecuted) {
+  store(command(1, RepeatClass::by_id));
+  store(command(2, RepeatClass::idempotent));
+  store(command(3, RepeatClass::by_id));
+  EXPECT_TRUE(journal.is_durable());
+  const Octets old_file = journal.encode();
+  journal.begin();
+  journal.finish(mission::failure::none);
+  EXPECT_FALSE(journal.is_durable());
+
+  TelecommandJournal restarted("boot-a");
+  ASSERT_TRUE(restarted.restore(old_file).has_value());
+  restarted.interrupt_restored();
+  ASSERT_NE(restarted.next(now), nullptr);
+  EXPECT_EQ(restarted.next(now)->id, 2U);
+  EXPECT_EQ(restarted.pending(), 1U);
+  restarted.on_written(restarted.revision(), true);
+  EXPECT_THAT(restarted.take_reports(), ElementsAre(failed(1, mission::failure::interrupted),
+                                                    failed(3, mission::failure::interrupted)));
+}
+
 TEST_F(TelecommandJournalTest, DoesNotExpireWhatBeganInTime) {
   store(command(1, RepeatClass::by_id, now));
   ASSERT_NE(journal.next(now), nullptr);
