@@ -123,11 +123,12 @@ void CommandRecord::on_executed(std::uint32_t telecommand_id) {
     throw Violation{"L4", "executed twice: " + describe(life)};
 }
 
+/// Also what ended just now: its end was said without waiting for the disk.
 void CommandRecord::on_storage_lost() {
   if (kernel_.now() - last_lost_ < milliseconds(50)) return;
   last_lost_ = kernel_.now();
   for (auto& [key, life] : lives_)
-    life.unstored = life.unstored || !(life.completed || life.failed || life.refused);
+    life.unstored = life.unstored || !life.ended || kernel_.now() - *life.ended < seconds(3);
 }
 
 void CommandRecord::on_cadu(const Octets& cadu) {
@@ -148,6 +149,8 @@ void CommandRecord::on_report(const wire::TmPacket& packet) {
   if (found == lives_.end()) return;
   Life& life = found->second;
   kernel_.trace(Lane::ttc, Lane::ground, "report 1,n", packet.subtype, found->first);
+  if (packet.subtype != 1 && packet.subtype != 3 && packet.subtype != 5 && !life.ended)
+    life.ended = kernel_.now();
   switch (packet.subtype) {
     case 1:
       counters_.accepted += life.accepted ? 0 : 1;

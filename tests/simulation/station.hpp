@@ -58,6 +58,7 @@ class CommandRecord final : public TtcWitness {
     bool completed = false;
     std::optional<std::uint16_t> failed{};  ///< code
     int executed = 0;
+    std::optional<MonotonicTime> ended{};
     /// The journal did not reach the disk while it was under way. Without storage recovery commands run and
     /// frames are acknowledged all the same, so its end is not promised.
     bool unstored = false;

@@ -59,6 +59,14 @@ std::string Ttc::text_of(const std::string& name) const {
   return content ? std::string(as_text(*content)) : std::string();
 }
 
+FoundTable Ttc::table_of(std::string_view name) const {
+  const std::string text = text_of(std::string(name));
+  if (text.empty()) return {};
+  auto table = decode_table(text);
+  const bool damaged = !table;
+  return {.table = std::move(table), .damaged = damaged};
+}
+
 TtcCore::Setup Ttc::read_setup() {
   const std::string mode = text_of("mode");
   const bool ran = around_.disk.read("ttc/mode").has_value();
@@ -75,6 +83,8 @@ TtcCore::Setup Ttc::read_setup() {
       .transmitter = TransmitterSwitch(around_.boot_id, text_of("transmitter"), host_.now()),
       .command_loss = CommandLossTimer(around_.boot_id, text_of("command_loss"), command_loss, host_.now()),
       .stores = text_of("stores"),
+      .monitors = table_of(MonitoringService::table_name),
+      .event_actions = table_of(EventActionService::table_name),
       .keys = {},
       .boot = {.count = around_.boot_count},
       .clock = SpacecraftClock(unknown_utc, host_.now())};
@@ -115,10 +125,14 @@ void Ttc::subscribe() {
     if (core_->on_tick(received, tick.cycle, host_.now()) || core_->waits_for_time()) advance();
   });
   topics.event.subscribe(host_, [this](const auto& m, Host&) {
-    if (core_->on_event(m.source, m.event_id, m.severity, m.data, host_.now())) pump_downlink();
+    const bool sends = core_->on_event(m.source, m.event_id, m.severity, m.data, host_.now());
+    if (core_->has_waiting_actions()) return advance();
+    if (sends) pump_downlink();
   });
   topics.telemetry.subscribe(host_, [this](const auto& m, Host&) {
-    if (core_->on_telemetry(m.source, m.apid, m.structure_id, m.data, host_.now())) pump_downlink();
+    const bool sends = core_->on_telemetry(m.source, m.apid, m.structure_id, m.data, host_.now());
+    if (core_->has_waiting_actions()) return advance();
+    if (sends) pump_downlink();
   });
   topics.telecommand_report.subscribe(host_, [this](const auto& m, Host&) {
     const auto stage = to_stage(m.stage);
@@ -146,6 +160,7 @@ void Ttc::start_periods() {
   every(seconds(1), [this] { core_->commit_stores(true, host_.now()); });
   every(ModeManager::publish_period, [this] { core_->publish_mode(); });
   every(seconds(30), [this] { core_->send_schedule_housekeeping(host_.now()); });
+  every(seconds(30), [this] { core_->send_monitoring_housekeeping(host_.now()); });
   every(seconds(10), [this] {
     core_->copy_link_state();
     core_->store_open_progress();
@@ -181,8 +196,9 @@ void Ttc::pump_downlink() {
 }
 
 void Ttc::advance() {
+  const bool outermost = run(core_->settle(host_.now()));
   if (!core_->remembered().journal_durable) around_.witness.on_storage_lost();
-  if (run(core_->settle(host_.now()))) pump_downlink();
+  if (outermost) pump_downlink();
 }
 
 bool Ttc::run(TtcCore::Actions actions) {
@@ -227,6 +243,14 @@ void Ttc::carry_out(const WriteState& action) {
 
 void Ttc::carry_out(const WriteKeys& action) {
   core_->on_keys_written(action.change, true, host_.now());
+}
+
+void Ttc::carry_out(const WriteTable& action) {
+  around_.disk.write(host_, "ttc/" + action.name, octets_of_text(encode_table(action.change.table)),
+                     [this, action](bool stored) {
+                       core_->on_table_written(action.name, action.change, stored);
+                       advance();
+                     });
 }
 
 void Ttc::carry_out(const CopyLinkState& action) {

@@ -65,6 +65,7 @@ class Ttc final : public Program {
 
  private:
   [[nodiscard]] std::string text_of(const std::string& name) const;
+  [[nodiscard]] FoundTable table_of(std::string_view name) const;
   [[nodiscard]] TtcCore::Setup read_setup();
   void load_journal(TtcCore::Setup& setup);
   void subscribe();
@@ -76,6 +77,7 @@ class Ttc final : public Program {
   void carry_out(const WriteJournal& action);
   void carry_out(const WriteState& action);
   void carry_out(const WriteKeys& action);
+  void carry_out(const WriteTable& action);
   void carry_out(const CopyLinkState& action);
   void carry_out(const ForgetWantedFloor& action);
   void carry_out(const CommitStores& action);

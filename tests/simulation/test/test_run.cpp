@@ -25,6 +25,23 @@ TEST(Simulation, TheInvariantsHoldUnderTheFaultsOfEverySeed) {
   }
 }
 
+/// Each found a defect of the product.
+TEST(Simulation, WhatFailedOnceHolds) {
+  struct Case {
+    std::uint64_t seed;
+    const char* faults;
+    seconds duration;
+  };
+  // 108: the disk lacked that a by_id command was executed, the peripheral lost its ids, the node restarted.
+  const std::vector<Case> cases{
+      {108, "kill,kill_at_action,late_messages,failing_disk,babbling_peripheral,bus_errors,bus_off",
+       seconds(2200)}};
+  for (const Case& c : cases) {
+    const RunOutcome outcome = fly(c.seed, c.duration, *faults_from(c.faults));
+    EXPECT_FALSE(outcome.violation) << "seed " << c.seed << ": " << outcome.violation->text;
+  }
+}
+
 TEST(Simulation, ASeedGivesTheSameRunAgainAndAnotherOneAnother) {
   const RunOutcome one = fly(8, seconds(300), swarm_of(8));
   const RunOutcome again = fly(8, seconds(300), swarm_of(8));
