@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <mutex>
 #include <numbers>
 #include <numeric>
 #include <optional>
@@ -240,14 +241,25 @@ void PlateSolver::add_patterns(double radius_rad, std::size_t neighbours) {
   }
 }
 
+namespace {
+
+bool is_finite(const Star& s) {
+  return std::isfinite(s.x) && std::isfinite(s.y) && std::isfinite(s.flux) && std::isfinite(s.snr) &&
+         std::isfinite(s.fwhm_px);
+}
+
+}  // namespace
+
 /// One frame's search.
 class PlateSearch {
  public:
   PlateSearch(const PlateSolver& solver, const std::vector<Star>& stars, int width, int height,
               const PlateOptions& options)
       : solver_(solver), options_(options), width_(width), height_(height) {
-    std::vector<std::size_t> order(stars.size());
-    std::iota(order.begin(), order.end(), 0);
+    std::vector<std::size_t> order;
+    for (std::size_t i = 0; i < stars.size(); ++i) {
+      if (is_finite(stars[i])) order.push_back(i);
+    }
     std::stable_sort(order.begin(), order.end(),
                      [&](std::size_t a, std::size_t b) { return stars[a].flux > stars[b].flux; });
     for (const std::size_t i : order) {
@@ -478,7 +490,7 @@ class PlateSearch {
     CameraFit fit{};
     for (bool all = false; !all;) {
       fit = refine(camera, pairs, LensTerms::few);
-      if (fit.rms_px > reach || pairs.size() < agreeing_least) return std::nullopt;
+      if (!(fit.rms_px <= reach) || pairs.size() < agreeing_least) return std::nullopt;
       all = n == order.size();
       n = std::min(order.size(), static_cast<std::size_t>(growth * static_cast<double>(n)));
       reach = std::max(reach_px, reach_of_growth * camera.corner_px);
@@ -487,7 +499,7 @@ class PlateSearch {
     // All stars for the best fit.
     for (int round = 0; round < best_fits; ++round) {
       fit = refine(camera, pairs, LensTerms::all);
-      if (fit.rms_px > reach) return std::nullopt;
+      if (!(fit.rms_px <= reach)) return std::nullopt;
       reach = std::clamp(5 * fit.spread_px, reach_least_px, reach_px);
       pairs = pairs_of(camera, order, reach);
     }
@@ -507,8 +519,9 @@ class PlateSearch {
     double stars = 0;
     solver_.sky_.near(middle, half, [&](std::size_t, double) { ++stars; });
     const double area = 2 * std::numbers::pi * (1 - std::cos(half));
-    const double p =
-        std::clamp(stars / area * std::numbers::pi * std::pow(reach / camera.focal_px, 2), 1e-6, 0.5);
+    // That any place has a star near it. Where nearly each has one, agreement says nothing.
+    const double expected = stars / area * std::numbers::pi * std::pow(reach / camera.focal_px, 2);
+    const double p = std::clamp(1 - std::exp(-expected), 1e-6, 1 - 1e-9);
     return log_chance(n - taken, agreeing - taken, p) + std::log(std::max(1, trials_));
   }
 
@@ -593,19 +606,24 @@ std::optional<PlateSolution> PlateSolver::solve(const std::vector<Star>& stars, 
   return PlateSearch(*this, stars, width, height, options).run();
 }
 
-FieldSolver::FieldSolver() {
-  static_cast<void>(wide());
-}
+FieldSolver::FieldSolver() : wide_(shared_wide()) {}
 
-const PlateSolver& FieldSolver::wide() {
-  static const PlateSolver solver(wide_scales());
+std::shared_ptr<const PlateSolver> FieldSolver::shared_wide() {
+  static std::mutex mutex;
+  static std::weak_ptr<const PlateSolver> known;
+  const std::lock_guard lock(mutex);
+  auto solver = known.lock();
+  if (!solver) {
+    solver = std::make_shared<const PlateSolver>(wide_scales());
+    known = solver;
+  }
   return solver;
 }
 
 std::optional<PlateSolution> FieldSolver::solve(const std::vector<Star>& stars, int width, int height,
                                                 const PlateOptions& options) {
   if (stars.size() < agreeing_least) return std::nullopt;
-  if (auto found = wide().solve(stars, width, height, options)) return found;
+  if (auto found = wide_->solve(stars, width, height, options)) return found;
   if (options.field_least_deg >= narrow_most_deg) return std::nullopt;
   if (!narrow_) narrow_ = std::make_unique<const PlateSolver>(narrow_scales());
   return narrow_->solve(stars, width, height,
@@ -618,7 +636,11 @@ std::string FieldSolver::why_unsolved(const std::vector<Star>& stars, int width,
                                          options.field_least_deg, options.field_most_deg);
   const bool is_bounded =
       options.field_least_deg > field_least_deg || options.field_most_deg < field_most_deg;
-  const auto beyond = is_bounded ? solve(stars, width, height, {}) : std::nullopt;
+  std::optional<PlateSolution> beyond;
+  if (is_bounded && stars.size() >= agreeing_least) {
+    beyond = wide_->solve(stars, width, height, {});
+    if (!beyond && narrow_) beyond = narrow_->solve(stars, width, height, {field_least_deg, narrow_most_deg});
+  }
   if (!beyond)
     return fmt::format("no solution: {} stars, no attitude with {} explains them", stars.size(), bounds);
   const double field_deg = beyond->attitude.field_deg;

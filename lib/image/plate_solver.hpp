@@ -107,20 +107,22 @@ class PlateSolver {
   std::vector<Quad> quads_;
 };
 
-/// All fields: the wide scales first, of which there is one solver in a process, then the narrow ones, which
-/// are made when first needed and freed with this.
+/// All fields: the wide scales first, of which there is one solver in a process while anybody uses it, then
+/// the narrow ones, which are made when first needed. Both are freed with their last user.
 class FieldSolver {
  public:
   FieldSolver();
   [[nodiscard]] std::optional<PlateSolution> solve(const std::vector<Star>& stars, int width, int height,
                                                    const PlateOptions& options);
   /// Why solve() found nothing, for people: names the bound of the field when an attitude beyond it explains
-  /// the stars. Takes as long as solve().
+  /// the stars. Takes as long as solve(), and makes no solver: what the bounds keep out is not looked for
+  /// among fields narrower than the wide scales have.
   [[nodiscard]] std::string why_unsolved(const std::vector<Star>& stars, int width, int height,
                                          const PlateOptions& options);
 
  private:
-  [[nodiscard]] static const PlateSolver& wide();
+  [[nodiscard]] static std::shared_ptr<const PlateSolver> shared_wide();
+  std::shared_ptr<const PlateSolver> wide_;
   std::unique_ptr<const PlateSolver> narrow_;
 };
 

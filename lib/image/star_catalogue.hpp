@@ -33,6 +33,7 @@ class SkyIndex {
   /// turn.
   template <class Use>
   void near(const Eigen::Vector3d& direction, double radius_rad, Use&& use) const {
+    if (!direction.allFinite() || !(radius_rad >= 0)) return;  // near nothing
     const double chord = 2 * std::sin(radius_rad / 2);
     for_cells(direction, radius_rad, [&](std::size_t from, std::size_t end) {
       for (std::size_t k = from; k < end; ++k) {

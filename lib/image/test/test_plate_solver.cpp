@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <numbers>
 
 #include <gmock/gmock.h>
@@ -206,6 +207,39 @@ TEST(PlateSolver, SaysNothingOfStarsThatAreNoSky) {
   const View view{};
   for (int k = 0; k < 20; ++k)
     EXPECT_FALSE(solver().solve(view.anywhere(random, 15 + 12 * k), view.width, view.height, {})) << k;
+}
+
+TEST(PlateSolver, SaysNothingOfManyPlacesInACoarseWideFrame) {
+  // A place of a few pixels has a star of the catalogue nearly everywhere.
+  SkyRandom random(19);
+  for (const int width : {160, 200, 240, 320}) {
+    View view{0, 0, 0, 60};
+    view.width = width;
+    view.height = width * 9 / 16;
+    for (const int count : {100, 200, 300}) {
+      EXPECT_FALSE(any_field().solve(view.anywhere(random, count), view.width, view.height, {}))
+          << width << " px, " << count << " places";
+    }
+  }
+}
+
+TEST(PlateSolver, LeavesOutStarsThatHaveNoPlaceOrNoLight) {
+  SkyRandom random(20);
+  const View view{80, 20, 30, 15};
+  std::vector<Star> stars = view.stars(random);
+  const double nan = std::nan("");
+  const double infinite = std::numeric_limits<double>::infinity();
+  stars.insert(stars.begin(), {nan, 100, 1e9, 20, 2});
+  stars.insert(stars.begin(), {100, -infinite, 1e9, 20, 2});
+  stars.insert(stars.begin(), {300, 200, nan, 20, 2});
+  stars.insert(stars.begin(), {300, 250, infinite, 20, nan});
+  const auto found = any_field().solve(stars, view.width, view.height, {});
+  ASSERT_TRUE(found);
+  EXPECT_NEAR(found->attitude.field_deg, 15, 0.1);
+  int near = 0;
+  const SkyIndex index({direction_of(0, 0)}, 0.1);
+  index.near(Vector3d(nan, 0, 0), 1, [&](std::size_t, double) { ++near; });
+  EXPECT_EQ(near, 0);
 }
 
 TEST(PlateSolver, SaysNothingOfAFieldOutsideItsBounds) {
