@@ -479,8 +479,10 @@ Psf settle_psf(const CleanOptions& options, CleanFrame& frame, FrameFindings& fi
   }
   auto psf = measure_psf(frame.signal, frame.flaws, frame.no_sky > 0);
   const auto width = psf ? std::nullopt : width_of_brightest(frame.signal, frame.flaws, frame.no_sky > 0);
-  if (!psf && (!width || *width < sharp_most_px))
+  if (!psf && (!width || *width < sharp_most_px)) {
     psf = measure_psf(frame.signal, frame.flaws, frame.no_sky > 0, Optics::sharper_than_pixels);
+    frame.psf_unsure = psf.has_value();
+  }
   if (psf) {
     frame.psf = *std::move(psf);
     frame.psf_measured = true;

@@ -26,6 +26,7 @@ struct CleanFrame {
   Surface noise_adu;
   Psf psf = Psf::round_gaussian(2.5);
   bool psf_measured = false;  ///< or given
+  bool psf_unsure = false;    ///< of a lens sharper than its pixels: particles' tracks may have shown it
   double no_sky = 0;          ///< share of the frame with flaw_no_sky
 };
 

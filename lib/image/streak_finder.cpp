@@ -437,7 +437,7 @@ class Finder {
     const double visible = std::max(0.75 * options_.length_least_px, 1.3 * fwhm_);
     if (options_.caution <= 0) return visible;  // other frames tell
     // Where no star says how sharp the optics are, a short one may be a star; where stars have tails, too.
-    if (!clean_.psf_measured) return std::max(visible, unsure_length_px);
+    if (!clean_.psf_measured || clean_.psf_unsure) return std::max(visible, unsure_length_px);
     return field_.shape_error > odd_stars ? std::max(visible, odd_length * fwhm_) : visible;
   }
 
