@@ -581,7 +581,8 @@ std::optional<double> Dictionary::take_number(const Field& field, OctetReader& i
   const auto* truth = std::get_if<bool>(&*raw);
   const auto number = truth != nullptr ? std::optional(*truth ? 1.0 : 0.0) : as_number(*raw);
   if (!number || std::isnan(*number)) return std::nullopt;
-  return field.calibration.empty() ? *number : evaluate(field.calibration, *number);
+  const double value = field.calibration.empty() ? *number : evaluate(field.calibration, *number);
+  return std::isnan(value) ? std::nullopt : std::optional(value);
 }
 
 const ApplicationProcess* Dictionary::apid_of_node(std::string_view node) const {

@@ -4,6 +4,8 @@
 
 #include <algorithm>
 #include <array>
+#include <cmath>
+#include <limits>
 #include <string_view>
 
 namespace srfs {
@@ -45,9 +47,11 @@ bool has_bits(const mission::Field& field) {
          field.calibration.empty();
 }
 
-/// A mask selects bits of an integer. Without one a float may be the nearest to @p wanted.
-bool is_value(double value, std::uint32_t mask, double wanted) {
-  if (mask == all_bits) return value == wanted || value == static_cast<double>(static_cast<float>(wanted));
+/// A mask selects bits of an integer. Without one an f32 is the nearest to @p wanted.
+bool is_value(double value, bool single, std::uint32_t mask, double wanted) {
+  constexpr double largest{std::numeric_limits<float>::max()};
+  if (single && std::abs(wanted) <= largest) return value == static_cast<double>(static_cast<float>(wanted));
+  if (mask == all_bits) return value == wanted;
   const bool has_all_bits = value >= 0 && value < 9e15;  // exact as a double
   return has_all_bits && static_cast<double>(static_cast<std::uint64_t>(value) & mask) == wanted;
 }
@@ -235,7 +239,7 @@ void Monitoring::resolve() {
   }
   for (const auto& [parameter, slot] : slots_) {
     const auto known = slots_before.find(parameter);
-    if (known != slots_before.end()) values_[slot] = values_before[known->second];
+    if (known != slots_before.end()) values_[slot].value = values_before[known->second].value;
   }
   count_out_of_limits();
 }
@@ -245,7 +249,9 @@ std::size_t Monitoring::slot_of(std::uint32_t parameter) {
   const auto element = dictionary_.telemetry(parameter);
   if (!element || element->structure->kind != mission::StructureKind::housekeeping) return no_slot;
   const std::size_t slot = values_.size();
-  values_.emplace_back();
+  const mission::Field& field = *element->field;
+  values_.push_back(
+      {.value = {}, .single = field.type == mission::FieldType::f32 && field.calibration.empty()});
   slots_[parameter] = slot;
   add_place(watched_[element->structure->id], *element, slot);
   return slot;
@@ -285,7 +291,7 @@ void Monitoring::read(const Watched& watched, OctetView data) {
   for (const Place& place : watched.places) {
     const std::size_t at = place.offset + characters[place.texts_before];
     OctetReader in(data.subspan(std::min(at, data.size())));
-    values_[place.slot] = mission::Dictionary::take_number(place.form, in);
+    values_[place.slot].value = mission::Dictionary::take_number(place.form, in);
   }
 }
 
@@ -311,9 +317,10 @@ struct Finding {
 };
 
 /// @param current  being out of limits, hysteresis holds it there
-Finding judge(const mission::MonitorAdd& d, MonitorState current, double value) {
+/// @param single  the parameter is an f32 as it is
+Finding judge(const mission::MonitorAdd& d, MonitorState current, double value, bool single) {
   if (d.check == MonitorCheck::expected) {
-    return {is_value(value, d.mask, d.low) ? MonitorState::within : MonitorState::unexpected, d.low};
+    return {is_value(value, single, d.mask, d.low) ? MonitorState::within : MonitorState::unexpected, d.low};
   }
   const double low = d.low + (current == MonitorState::below ? d.hysteresis : 0);
   const double high = d.high - (current == MonitorState::above ? d.hysteresis : 0);
@@ -324,27 +331,36 @@ Finding judge(const mission::MonitorAdd& d, MonitorState current, double value) 
 
 }  // namespace
 
+/// The value must have come, and lately when its structure is periodic.
+bool Monitoring::condition_holds(const Check& check, MonotonicTime now) const {
+  if (check.condition == no_slot) return true;
+  const Slot& condition = values_[check.condition];
+  const Watched& source = watched_.at(static_cast<std::uint16_t>(check.what.condition >> 16U));
+  const bool periodic = source.interval >= periodic_interval;
+  const bool fresh = source.last_sample &&
+                     (!periodic || now - *source.last_sample <= source.interval * int{stale_repetition});
+  return fresh && condition.value &&
+         is_value(*condition.value, condition.single, check.what.condition_mask, check.what.condition_value);
+}
+
 void Monitoring::check(Check& check, TaiTime tai, MonotonicTime now) {
   check.next = now + milliseconds(check.what.interval_ms);
   ++counters_.checks;
-  const std::optional<double>& value = values_[check.slot];
-  const std::optional<double> condition =
-      check.condition == no_slot ? std::nullopt : values_[check.condition];
-  const bool holds =
-      check.condition == no_slot ||
-      (condition && is_value(*condition, check.what.condition_mask, check.what.condition_value));
-  if (!value || !holds) {
+  const std::optional<double>& value = values_[check.slot].value;
+  const auto invalid = [&] {
     check.before.reset();
     check.in_row = 0;
-    return set_state(check, MonitorState::invalid, value.value_or(0), 0, tai);
-  }
+    set_state(check, MonitorState::invalid, value.value_or(0), 0, tai);
+  };
+  if (!value || !condition_holds(check, now)) return invalid();
   double checked = *value;
   if (check.what.check == MonitorCheck::delta) {
     const auto before = std::exchange(check.before, *value);
     if (!before) return;
     checked = *value - *before;
+    if (std::isnan(checked)) return invalid();  // of two infinite values
   }
-  const Finding finding = judge(check.what, check.state, checked);
+  const Finding finding = judge(check.what, check.state, checked, values_[check.slot].single);
   if (finding.state != check.candidate) check.in_row = 0;
   check.candidate = finding.state;
   if (check.in_row < UINT8_MAX) ++check.in_row;

@@ -121,6 +121,10 @@ class Monitoring {
     MonotonicTime next = {};            ///< not checked before
     Transition last = {};               ///< into the state
   };
+  struct Slot {
+    std::optional<double> value;  ///< newest
+    bool single = false;          ///< an f32 as it is
+  };
   /// Where a value stands in the samples of its structure.
   struct Place {
     std::size_t slot = 0;
@@ -139,6 +143,7 @@ class Monitoring {
   [[nodiscard]] std::size_t slot_of(std::uint32_t parameter);
   void add_place(Watched& watched, const mission::TelemetryElement& element, std::size_t slot) const;
   void read(const Watched& watched, OctetView data);
+  [[nodiscard]] bool condition_holds(const Check& check, MonotonicTime now) const;
   void check(Check& check, TaiTime tai, MonotonicTime now);
   void set_state(Check& check, MonitorState state, double value, double limit, TaiTime tai);
   static void forget(Check& check);
@@ -150,7 +155,7 @@ class Monitoring {
   std::map<std::uint16_t, Check> checks_;       ///< by id
   std::map<std::uint16_t, Watched> watched_;    ///< by structure id
   std::map<std::uint32_t, std::size_t> slots_;  ///< by parameter
-  std::vector<std::optional<double>> values_;   ///< newest, by slot
+  std::vector<Slot> values_;                    ///< by slot
   std::vector<Transition> transitions_;
   std::optional<MonotonicTime> last_time_;
   std::size_t out_of_limits_ = 0;

@@ -4,6 +4,7 @@
 
 #include <chrono>
 #include <cmath>
+#include <limits>
 #include <random>
 #include <set>
 #include <sstream>
@@ -107,6 +108,23 @@ TEST_F(Checks, AnExpectedValueMayBeAFloatThatIsNearest) {
   EXPECT_EQ(states(), States{MonitorState::unexpected});
 }
 
+TEST_F(Checks, AnExpectedIntegerIsNoFloatThatIsNearest) {
+  define({"id=1", "parameter=beacon.storage_free_mib", "check=expected", "low=16777217"});
+  mission::Beacon beacon;
+  beacon.storage_free_mib = 16'777'216;  // the f32 nearest to 16777217
+  monitoring_.on_sample(mission::Beacon::structure_id, beacon.encoded(), day, now_);
+  EXPECT_EQ(states(), States{MonitorState::unexpected});
+  beacon.storage_free_mib = 16'777'217;
+  monitoring_.on_sample(mission::Beacon::structure_id, beacon.encoded(), day, now_);
+  EXPECT_EQ(states(), States{MonitorState::within});
+}
+
+TEST_F(Checks, AnExpectedValueThatNoFloatHasIsNeverThere) {
+  define({"id=1", "parameter=payload_eps.state_of_charge", "check=expected", "low=1e300"});
+  charge(std::numeric_limits<float>::infinity());
+  EXPECT_EQ(states(), States{MonitorState::unexpected});
+}
+
 TEST_F(Checks, ADeltaIsJudgedFromOneCheckToTheNext) {
   define({"id=1", "parameter=payload_eps.battery_temperature_k", "check=delta", "low=-1", "high=1",
           "high_event=monitor.changed"});
@@ -136,6 +154,30 @@ TEST_F(Checks, AConditionOnAnotherParameterMakesItCountOrNot) {
   EXPECT_EQ(states(), States{MonitorState::invalid}) << "that it is out of limits has ended";
 }
 
+TEST_F(Checks, AConditionOnAFloatHoldsForTheNearestOne) {
+  define({"id=1", "parameter=payload_eps.battery_current_a", "condition=payload_eps.state_of_charge",
+          "condition_value=0.1", "check=at_least", "low=-1"});
+  sample_.measurement.battery_current_a = -2;
+  charge(0.1F);
+  EXPECT_EQ(states(), States{MonitorState::below});
+}
+
+TEST_F(Checks, AConditionOnAStructureThatStoppedDoesNotHold) {
+  define({"id=1", "parameter=payload_eps.state_of_charge", "condition=beacon.storage_free_mib",
+          "condition_value=5", "check=at_least", "low=0.3"});
+  mission::Beacon beacon;
+  beacon.storage_free_mib = 5;
+  monitoring_.on_sample(mission::Beacon::structure_id, beacon.encoded(), day, now_);
+  charge(0.1F);
+  EXPECT_EQ(states(), States{MonitorState::below});
+  now_ = now_ + dictionary_.structure(mission::Beacon::structure_id)->interval * 10;
+  charge(0.1F);
+  EXPECT_EQ(states(), States{MonitorState::invalid}) << "what it was says nothing of now";
+  monitoring_.on_sample(mission::Beacon::structure_id, beacon.encoded(), day, now_);
+  charge(0.1F);
+  EXPECT_EQ(states(), States{MonitorState::below});
+}
+
 TEST_F(Checks, AMaskSelectsBitsOfTheConditionAndOfTheExpectedValue) {
   define({"id=1", "parameter=payload_eps.load_current_a[2]", "condition=payload_eps.load_switches",
           "condition_mask=4", "condition_value=4", "check=at_least", "low=0.1"});
@@ -155,6 +197,27 @@ TEST_F(Checks, AnUnknownValueIsNeverJudged) {
   charge(std::nanf(""));
   EXPECT_EQ(states(), States{});
   EXPECT_EQ(monitoring_.state(1), MonitorState::invalid);
+}
+
+TEST_F(Checks, AChangeBetweenInfiniteValuesIsUnknown) {
+  define({"id=1", "parameter=payload_eps.state_of_charge", "check=delta", "low=-1", "high=1"});
+  charge(0.5F);
+  charge(std::numeric_limits<float>::infinity());
+  EXPECT_EQ(states(), States{MonitorState::above});
+  charge(std::numeric_limits<float>::infinity());
+  EXPECT_EQ(states(), States{MonitorState::invalid});
+}
+
+TEST(CalibratedNumbers, AnInfiniteValueThatItsCalibrationMakesNoNumberIsUnknown) {
+  mission::Field field;
+  field.type = mission::FieldType::f32;
+  field.calibration = {1, 0, 2};
+  OctetWriter out;
+  out.f32(std::numeric_limits<float>::infinity());
+  out.f32(3);
+  OctetReader in(out.view());
+  EXPECT_FALSE(mission::Dictionary::take_number(field, in)) << "0 times infinity";
+  EXPECT_EQ(mission::Dictionary::take_number(field, in), 19);
 }
 
 TEST_F(Checks, AnIntervalLeavesSamplesOut) {
@@ -301,8 +364,8 @@ TEST_F(Checks, TheReferencePageListsTheFactorySet) {
   const MonitorTable table = factory_monitors(dictionary_);
   const auto page = read_file(std::string(SRFS_SOURCE_DIR) + "/docs/reference/dictionary.md", 4U << 20);
   ASSERT_TRUE(page);
-  const auto begin = page->find("## Monitors");
-  std::istringstream lines(page->substr(begin, page->find("## Event-actions") - begin));
+  const auto first = page->find("## Monitors");
+  std::istringstream lines(page->substr(first, page->find("## Event-actions") - first));
   std::size_t listed = 0;
   for (std::string line; std::getline(lines, line);) {
     std::istringstream words(line);
