@@ -112,8 +112,7 @@ void TtcCore::restore(MonotonicTime now) {
   journal_.tell_refused_again(report_queue_);
   for (const AcceptedTelecommand* t : journal_.known()) {
     AcceptanceJournal::tell_again(*t, journal_.told(), report_queue_);
-    if (t->origin.source_id == EventActionService::on_board_source)
-      event_actions_.on_known_release(t->packet, t->accepted_at);
+    if (t->origin.source_id == EventActionService::on_board_source) event_actions_.on_known_release(*t);
     if (!t->end) router_.restore(*t, now);
   }
   if (journal_.open() > 0)

@@ -378,10 +378,17 @@ bool TtcCore::on_event(const std::string& node, std::uint16_t event_id, std::uin
                        MonotonicTime now) {
   now_ = now;
   const mission::ApplicationProcess* source = dictionary_.apid_of_node(node);
+  const std::uint16_t apid = source != nullptr ? source->apid : std::uint16_t{1};
+  const mission::Event* event = dictionary_.event(event_id);
+  if (event != nullptr && node != node_ && !may_raise(source != nullptr ? apid : std::uint16_t{0}, *event)) {
+    ++remembered_.foreign_samples;
+    return false;
+  }
   // Also of an event that is disabled or comes too often: what is reported is another matter.
-  if (source != nullptr && events_.knows(event_id)) event_actions_.on_event(source->apid, event_id, now);
-  const auto report =
-      events_.on_event(source != nullptr ? source->apid : std::uint16_t{1}, event_id, severity, data, now);
+  const bool sound = event != nullptr && events_.takes(event_id, severity) &&
+                     dictionary_.decode(event->fields, data).has_value();
+  if (source != nullptr && sound) event_actions_.on_event(apid, event_id, now);
+  const auto report = events_.on_event(apid, event_id, severity, data, now);
   obedience_.on_event(node, event_id, data);
   if (report) send(*report);
   return report.has_value();

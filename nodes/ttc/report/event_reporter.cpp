@@ -52,13 +52,11 @@ void EventReporter::add_essential_event(std::uint16_t event_id) {
 
 std::optional<Report> EventReporter::on_event(std::uint16_t apid, std::uint16_t event_id,
                                               std::uint8_t severity, OctetView data, MonotonicTime now) {
-  const auto found = events_.find(event_id);
-  const bool severity_valid = severity >= static_cast<std::uint8_t>(mission::EventSeverity::info) &&
-                              severity <= static_cast<std::uint8_t>(mission::EventSeverity::high);
-  if (found == events_.end() || !severity_valid) {
+  if (!takes(event_id, severity)) {
     ++counters_.unknown;
     return std::nullopt;
   }
+  const auto found = events_.find(event_id);
   if (!found->second.essential && !take_token(found->second, now)) {
     ++counters_.suppressed;
     return std::nullopt;
@@ -70,6 +68,11 @@ std::optional<Report> EventReporter::on_event(std::uint16_t apid, std::uint16_t 
   writer.bytes(data);
   return Report{
       .apid = apid, .service = service_type, .subtype = severity, .data = writer.take(), .live = live};
+}
+
+bool EventReporter::takes(std::uint16_t event_id, std::uint8_t severity) const {
+  return events_.contains(event_id) && severity >= static_cast<std::uint8_t>(mission::EventSeverity::info) &&
+         severity <= static_cast<std::uint8_t>(mission::EventSeverity::high);
 }
 
 bool EventReporter::set_enabled(std::uint16_t event_id, bool enabled) {

@@ -51,6 +51,8 @@ class EventReporter final : public PusService {
   [[nodiscard]] std::optional<Report> on_event(std::uint16_t apid, std::uint16_t event_id,
                                                std::uint8_t severity, OctetView data, MonotonicTime now);
   [[nodiscard]] bool knows(std::uint16_t event_id) const { return events_.contains(event_id); }
+  /// It is known, and @p severity is one.
+  [[nodiscard]] bool takes(std::uint16_t event_id, std::uint8_t severity) const;
   /// 5,5 and 5,6. @return false: unknown event, or an essential one that would be disabled
   bool set_enabled(std::uint16_t event_id, bool enabled);
   [[nodiscard]] const EventCounters& counters() const { return counters_; }

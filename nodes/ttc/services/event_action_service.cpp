@@ -4,6 +4,7 @@
 
 #include <algorithm>
 
+#include "base/crc32c.hpp"
 #include "base/saturate.hpp"
 
 namespace srfs {
@@ -53,6 +54,11 @@ Octets read_packet(OctetReader& reader) {
 }
 
 }  // namespace
+
+bool may_raise(std::uint16_t apid, const mission::Event& event) {
+  const bool of_ttc = event.name.starts_with("monitor.") || event.name.starts_with("event_action.");
+  return !of_ttc || apid == mission::apid::ttc;
+}
 
 // ---- rate
 
@@ -200,6 +206,10 @@ std::optional<EventActionService::Failure> EventActionService::add(OctetView arg
   for (unsigned count = reader.u16(); count > 0; --count) {
     const ActionKey key = read_key(reader);
     Octets packet = read_packet(reader);
+    const mission::Event* event = dictionary_.event(key.event);
+    const bool raised = key.apid == 0 || (dictionary_.apid(key.apid) != nullptr && event != nullptr &&
+                                          may_raise(key.apid, *event));
+    if (!raised) return Failure{mission::failure::unknown_identifier, key.event};
     const auto known = table.find(key);
     if (known != table.end() && known->second.enabled)
       return Failure{mission::failure::still_enabled, key.event};
@@ -307,18 +317,18 @@ void EventActionService::on_event(std::uint16_t apid, std::uint16_t event, Monot
   }
 }
 
-void EventActionService::on_known_release(OctetView packet, MonotonicTime at) {
-  const auto known = wire::parse_tc_packet(packet);
-  if (!known) return;
+void EventActionService::on_known_release(const AcceptedTelecommand& known) {
+  const MonotonicTime at = known.accepted_at;
   // Of another boot all have the time of the restart: more than there was room for count as one burst.
   const auto count = [at](ReleaseRate& rate) {
     if (rate.ready_at(at) <= at) rate.take(at);
   };
   count(total_);
+  // The journal forgets the packet of one that ended, but not its request id and CRC.
   for (const auto& [key, action] : table_) {
-    const auto own = wire::parse_tc_packet(action.packet);
-    const bool same = own && own->apid == known->apid && own->service == known->service &&
-                      own->subtype == known->subtype && own->application == known->application;
+    const Octets own = request_of(action.packet, known.origin.request.packet_sequence_control);
+    const bool same = wire::peek_request_id(own) == known.origin.request &&
+                      own.size() == known.packet_octets && crc32c(own) == known.packet_crc;
     if (same) count(released_[key].rate);
   }
 }

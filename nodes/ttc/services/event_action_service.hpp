@@ -14,6 +14,7 @@
 #include <mission/structures.hpp>
 
 #include "msgs/mission/dictionary.hpp"
+#include "nodes/ttc/command/acceptance_journal.hpp"
 #include "nodes/ttc/services/pus_service.hpp"
 #include "nodes/ttc/services/stored_table.hpp"
 
@@ -32,6 +33,9 @@ struct EventAction {
   friend bool operator==(const EventAction&, const EventAction&) = default;
 };
 using ActionTable = std::map<ActionKey, EventAction>;
+
+/// Events of monitors and of event-action come from ttc alone.
+[[nodiscard]] bool may_raise(std::uint16_t apid, const mission::Event& event);
 
 /// So many at once, and one more after each period.
 class ReleaseRate {
@@ -94,8 +98,8 @@ class EventActionService final : public StoredChangeService<TableChange> {
   // ---- release
 
   void on_event(std::uint16_t apid, std::uint16_t event, MonotonicTime now);
-  /// An earlier process released a telecommand with this content: it counts for the rates.
-  void on_known_release(OctetView packet, MonotonicTime at);
+  /// An earlier process released this telecommand, ended or not: it counts for the rates.
+  void on_known_release(const AcceptedTelecommand& known);
   /// What waited too long is dropped.
   [[nodiscard]] std::vector<mission::EventActionDroppedEvent> drop_overdue(MonotonicTime now);
   struct Due {

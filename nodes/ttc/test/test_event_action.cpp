@@ -10,6 +10,7 @@
 
 #include <gtest/gtest.h>
 
+#include "base/crc32c.hpp"
 #include "nodes/ttc/test/router_with_parts.hpp"
 #include "nodes/ttc/ttc_core.hpp"
 #include "wire/tc_uplink.hpp"
@@ -128,6 +129,11 @@ TEST_F(EventActions, BadRequestsAreRefusedAndChangeNothing) {
   EXPECT_EQ(send("event_action.enable", {"event=eps.loads_changed"}), "unknown_identifier");
   EXPECT_EQ(send("event_action.delete", {"event=eps.loads_changed"}), "unknown_identifier");
   EXPECT_EQ(send("event_action.report", {"event=eps.loads_changed"}), "unknown_identifier");
+  const std::string safe = "request=ttc.set_mode mode=safe";
+  EXPECT_EQ(send("event_action.add", {"of_apid=1999", "event=eps.loads_changed", safe}), "unknown_identifier")
+      << "there is no such application process";
+  EXPECT_EQ(send("event_action.add", {"of_apid=17", "event=monitor.user_1", safe}), "unknown_identifier")
+      << "only ttc raises it";
   Octets damaged = service_->table().begin()->second.packet;
   damaged.back() ^= 1;
   EXPECT_EQ(send("event_action.add", {"event=eps.loads_changed", "request=" + to_hex(damaged)}), "no_action");
@@ -222,7 +228,12 @@ TEST_F(EventActions, WhatAnEarlierProcessReleasedCountsForTheRateAndBlocksForAPe
   service_->on_event(eps, low, now_);
   const Octets request = EventActionService::request_of(service_->due(now_).front().packet, 1);
   restart({.table = disk_});
-  for (int i = 0; i < 256; ++i) service_->on_known_release(request, now_);
+  // Ended: the journal has forgotten its packet.
+  const AcceptedTelecommand known{.origin = {.request = *wire::peek_request_id(request)},
+                                  .accepted_at = now_,
+                                  .packet_crc = crc32c(request),
+                                  .packet_octets = static_cast<std::uint16_t>(request.size())};
+  for (int i = 0; i < 256; ++i) service_->on_known_release(known);
   service_->on_event(eps, low, now_);
   EXPECT_EQ(release(), 0U);
   now_ = now_ + EventActionService::period;
@@ -263,6 +274,16 @@ class ActionsInTtc : public testing::Test {
  protected:
   ActionsInTtc() { begin({}); }
 
+  /// The process ends anywhere and begins anew, in the same boot, with what is on disk.
+  void restart(const std::vector<std::pair<std::string, std::string>>& actions) {
+    AcceptanceJournal journal("boot", seconds(60));
+    for (const JournalRecord& record : records_) EXPECT_TRUE(journal.apply(record));
+    journal.begin({}, 1, now_);
+    begin_with(table_of(actions), std::move(journal));
+    core_->restore(now_);
+    settle();
+  }
+
   /// @param actions  event and request of each, in place of the factory set; none: the factory set
   void begin(const std::vector<std::pair<std::string, std::string>>& actions) {
     begin_with(table_of(actions));
@@ -270,6 +291,9 @@ class ActionsInTtc : public testing::Test {
   void begin_with(const FoundTable& actions) {
     AcceptanceJournal journal("boot", seconds(60));
     journal.begin({}, 1, now_);
+    begin_with(actions, std::move(journal));
+  }
+  void begin_with(const FoundTable& actions, AcceptanceJournal journal) {
     UplinkConfig uplink;
     uplink.spacecraft_id = 1;
     uplink.cltu.randomized = false;
@@ -326,7 +350,7 @@ class ActionsInTtc : public testing::Test {
     return settle();
   }
   std::vector<std::uint16_t> raise(std::uint16_t event) {
-    core_->on_event("payload_eps", event, 1, Octets(8), now_);
+    core_->on_event("payload_eps", event, 1, Octets(4), now_);
     return settle();
   }
 
@@ -335,8 +359,12 @@ class ActionsInTtc : public testing::Test {
     std::vector<std::uint16_t> events;
     for (int turn = 0; turn < 8; ++turn) {
       for (const TtcAction& action : core_->settle(now_)) {
-        if (const auto* journal = std::get_if<WriteJournal>(&action))
-          core_->on_journal_written(journal->batch, {}, 0, now_);
+        if (const auto* journal = std::get_if<WriteJournal>(&action)) {
+          const JournalBatch& batch = journal->batch;
+          if (batch.snapshot) records_ = {{.kind = journal_snapshot_kind, .payload = *batch.snapshot}};
+          records_.insert(records_.end(), batch.records.begin(), batch.records.end());
+          core_->on_journal_written(batch, {}, 0, now_);
+        }
         if (const auto* state = std::get_if<WriteState>(&action))
           core_->on_state_written(state->change, true);
         if (const auto* mode = std::get_if<PublishMode>(&action)) {
@@ -370,7 +398,8 @@ class ActionsInTtc : public testing::Test {
   mission::PayloadEpsHousekeeping sample_;
   MissionMode mode_ = MissionMode::nominal;
   std::string mode_reason_;
-  std::set<std::uint64_t> published_;  ///< ids of telecommands for other nodes
+  std::vector<JournalRecord> records_;  ///< of the journal on disk
+  std::set<std::uint64_t> published_;   ///< ids of telecommands for other nodes
   std::uint16_t sequence_ = 0;
   std::uint64_t reported_at_start_ = 0;  ///< events on their way to the ground
 };
@@ -407,6 +436,39 @@ TEST_F(ActionsInTtc, AHazardousTelecommandAndOneThatChangesEventActionsAreNoActi
   EXPECT_EQ(added("event_action.restore"), mission::failure::no_action);
   EXPECT_EQ(added("event_action.stop"), mission::failure::no_action);
   EXPECT_EQ(added("eps.switch_load load=1 state=off"), mission::failure::none);
+}
+
+TEST_F(ActionsInTtc, ALoopOfCrashesReleasesNoNewBurstEachTime) {
+  const std::vector<std::pair<std::string, std::string>> actions{
+      {"eps.battery_low", "ttc.set_mode mode=safe"}};
+  begin(actions);
+  std::size_t released = 0;
+  for (int crash = 0; crash < 10; ++crash) {
+    for (int i = 0; i < 5; ++i) released += has(raise(low), mission::event::event_action_released) ? 1 : 0;
+    EXPECT_EQ(core_->journal().open(), 0U) << "all have ended";
+    restart(actions);
+  }
+  EXPECT_EQ(released, EventActionService::burst);
+  now_ = now_ + EventActionService::period;
+  EXPECT_TRUE(has(raise(low), mission::event::event_action_released));
+}
+
+TEST_F(ActionsInTtc, AnEventThatIsNotSoundOrNotItsSendersOwnTriggersNothing) {
+  begin({{"eps.battery_low", "eps.switch_load load=2 state=off"}});
+  core_->on_event("payload_eps", low, 0, Octets(4), now_);
+  core_->on_event("payload_eps", low, 9, Octets(4), now_);
+  core_->on_event("payload_eps", low, 1, Octets(3), now_);
+  core_->on_event("payload_eps", low, 1, Octets(5), now_);
+  settle();
+  EXPECT_TRUE(published_.empty());
+  raise(low);
+  EXPECT_EQ(published_.size(), 1U);
+
+  begin({});
+  const mission::MonitorBatteryEmptyEvent forged;
+  EXPECT_FALSE(core_->on_event("payload_eps", forged.event_id, 4, forged.encoded(), now_));
+  settle();
+  EXPECT_EQ(mode_, MissionMode::nominal) << "monitors are ttc's";
 }
 
 TEST_F(ActionsInTtc, AnActionThatRaisesItsOwnEventEndsInItsRate) {
