@@ -51,7 +51,7 @@ Actions UpdateTransaction::on_taken_in(Result<Intake, IntakeFailure> taken) {
     if (taken->update.sha256 != update().sha256) return end(UpdateStep::failed, "the package has changed");
     manifest_ = std::move(taken->manifest);
     dictionary_ = std::move(taken->dictionary);
-    return Actions{ReportUpdate{update()}} + next_step();
+    return Actions{ReportUpdate{update()}} + next_step(Begins::before);
   }
   if (!take(Waiting::intake)) return {};
   if (!taken) return refuse(taken.error().code, taken.error().reason);
@@ -85,7 +85,7 @@ Actions UpdateTransaction::resume(const update::VersionTable& table, bool is_in_
   const Actions actions{WriteUpdateJournal{journal_}};
   // Of a swap only the description of a new node is needed, and that is in its package.
   if (update().step == UpdateStep::swap && update().kind == update::PackageKind::replace)
-    return actions + Actions{ReportUpdate{update()}} + next_step();
+    return actions + Actions{ReportUpdate{update()}} + next_step(Begins::before);
   waiting_ = Waiting::intake_again;
   return actions + Actions{TakeInPackage{update().file, journal_}};
 }
@@ -97,9 +97,11 @@ Actions UpdateTransaction::begin_step(UpdateStep step) {
   return Actions{ReportUpdate{update()}, WriteUpdateJournal{journal_}} + next_step();
 }
 
-Actions UpdateTransaction::next_step() {
+Actions UpdateTransaction::next_step(Begins begins) {
   if (stopped_) return {};
-  if (rests_) return end(UpdateStep::cancelled, ended_by_mode);
+  const bool may_be_half_done = update().step == UpdateStep::swap && begins == Begins::before;
+  if (rests_ && update().step <= UpdateStep::swap && !may_be_half_done)
+    return end(UpdateStep::cancelled, ended_by_mode);
   switch (update().step) {
     case UpdateStep::build:
       waiting_ = Waiting::lane;

@@ -177,7 +177,9 @@ class UpdateTransaction {
   /// An answer counts once, and only where it is waited for.
   [[nodiscard]] bool take(Waiting expected);
   [[nodiscard]] Actions refuse(FailureCode code, const std::string& reason);
-  [[nodiscard]] Actions next_step();
+  /// When the step began: a swap of an earlier process may be half done.
+  enum class Begins : std::uint8_t { now, before };
+  [[nodiscard]] Actions next_step(Begins begins = Begins::now);
   [[nodiscard]] Actions begin_step(update::UpdateStep step);
   [[nodiscard]] Actions end(update::UpdateStep step, const std::string& reason);
   [[nodiscard]] Actions installed(std::optional<milliseconds> outage);

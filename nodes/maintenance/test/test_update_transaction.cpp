@@ -470,6 +470,42 @@ TEST(UpdateTransactionTest, in_a_mode_that_allows_none_nothing_begins_and_what_h
   EXPECT_EQ(std::get<AnswerTelecommand>(actions.front()).code, mission::failure::wrong_mode);
 }
 
+TEST(UpdateTransactionTest, a_candidate_that_is_stored_when_the_mode_changes_is_no_cancelled_one) {
+  bool rested_while_it_was_stored = false;
+  for (std::uint32_t seed = 0; seed < 50; ++seed) {
+    for (int at = 0; at < 30; ++at) {
+      World world({.activate = false}, seed);
+      world.begin();
+      for (int i = 0; i < at; ++i) (void)world.step();
+      const update::UpdateStep rested_in = world.transaction().update().step;
+      world.rest();
+      while (world.step()) {
+      }
+      if (rested_in < update::UpdateStep::store) continue;
+      EXPECT_EQ(world.transaction().update().step, update::UpdateStep::candidate) << seed << ' ' << at;
+      rested_while_it_was_stored |= rested_in == update::UpdateStep::store;
+    }
+  }
+  EXPECT_TRUE(rested_while_it_was_stored);
+}
+
+TEST(UpdateTransactionTest, a_swap_of_the_process_before_goes_on_in_a_mode_that_allows_none) {
+  for (const auto kind : {update::PackageKind::replace, update::PackageKind::add}) {
+    for (std::uint32_t seed = 0; seed < 50; ++seed) {
+      World world({.kind = kind}, seed);
+      world.begin();
+      while (world.journal().update().step != update::UpdateStep::swap && world.step()) {
+      }
+      ASSERT_EQ(world.journal().update().step, update::UpdateStep::swap) << seed;
+      world.crash();
+      world.rest();
+      while (world.step()) {
+      }
+      EXPECT_EQ(world.transaction().update().step, update::UpdateStep::installed) << seed;
+    }
+  }
+}
+
 TEST(UpdateTransactionTest, one_package_at_a_time_and_the_same_again_is_no_failure) {
   UpdateTransaction transaction({}, "maintenance");
   const auto answer_of = [](const UpdateTransaction::Actions& actions) {
