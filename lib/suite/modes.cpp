@@ -58,7 +58,7 @@ ModeCause read_cause(const ConfigSection& section) {
   if (c.below ? c.leave < c.enter : c.leave > c.enter)
     throw section.bad(c.below ? "over_above" : "over_below", "a threshold that leaves a hysteresis");
   c.samples = static_cast<int>(section.integer("samples", 1, 1000, c.samples));
-  c.stale = std::chrono::seconds(section.integer("stale_s", 0, 86'400, 0));
+  c.stale = std::chrono::seconds(section.integer("stale_s", 0, 86'400, 120));
   c.mode = section.text("mode", ModeSettings::safe);
   c.returns = section.boolean("returns", c.returns);
   section.finish();

@@ -476,7 +476,12 @@ std::optional<UtcTime> TtcCore::valid_utc() const {
 void TtcCore::run_mode_causes() {
   mode_service_.set_utc(valid_utc());
   auto change = causes_.take_change(mode_, now_);
-  if (!change) return;
+  const bool others = causes_.present() != mode_.present();
+  if (others) mode_.set_present(causes_.present());
+  if (!change) {
+    if (others) act(WriteState{"mode", mode_.stored_text(), {}});
+    return;
+  }
   log(LogLine::Level::warn,
       fmt::format("mode {} now: {}", causes_.name_of(change->mode), change->why.reason));
   change_mode(change->mode, std::move(change->why));

@@ -41,7 +41,8 @@ def cause_line(cause):
     below = "enter_below" in cause
     enter, leave = (cause["enter_below"], cause["over_above"]) if below else (cause["enter_above"], cause["over_below"])
     first, second = ("below", "above") if below else ("above", "below")
-    stale = f"; also without a sample for {cause['stale_s']} s" if cause.get("stale_s") else ""
+    stale_s = cause.get("stale_s", 120)
+    stale = f"; also without a sample for {stale_s} s" if stale_s else ""
     back = "then the commanded mode comes back" if cause.get("returns") else "then a telecommand may leave it"
     return (
         f"- {cause['name']}, mode {cause.get('mode', 'safe')}: `{cause['structure']}.{cause['field']}` {first} {enter:g}"

@@ -52,6 +52,14 @@ TEST(Modes, HaveARowForEachNodeAndNothingSpecialWithoutOne) {
   EXPECT_FALSE(ModeSettings{}.enabled());
 }
 
+TEST(Modes, HaveCausesThatAreStaleByThemselvesUnlessTheFileSaysNever) {
+  EXPECT_EQ(read(two_modes).causes.at(0).stale, std::chrono::seconds(120));
+  const std::string never =
+      "table: { safe: {} }\n"
+      "causes: [ { name: a, structure: s, field: f, enter_below: 1, over_above: 2, stale_s: 0 } ]";
+  EXPECT_EQ(read(never).causes.at(0).stale, std::chrono::seconds(0));
+}
+
 TEST(Modes, SayWhatIsWrongInTheFile) {
   const std::string table = "table: { safe: {} }\n";
   EXPECT_NE(message_of("table: { nominal: {} }").find("row for the mode safe"), std::string::npos);
@@ -69,6 +77,9 @@ TEST(Modes, OfTheDeploymentsThatShipAreGood) {
     const Deployment d = Deployment::load(std::string(SRFS_SOURCE_DIR "/launch_config/") + name + ".yaml");
     EXPECT_TRUE(d.modes.enabled()) << name;
     EXPECT_EQ(d.modes.critical, d.ring.critical) << name;
+    EXPECT_TRUE(d.modes.knows("nominal")) << name;
+    for (const ModeCause& cause : d.modes.causes)
+      EXPECT_EQ(cause.stale, std::chrono::seconds(120)) << name << ' ' << cause.name;
   }
 }
 

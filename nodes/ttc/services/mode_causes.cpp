@@ -76,6 +76,12 @@ std::string ModeCauses::name_of(MissionMode mode) const {
   return found == names_.end() ? suite::ModeSettings::safe : found->second;
 }
 
+bool ModeCauses::has_row(MissionMode mode) const {
+  if (mode == MissionMode::safe) return true;
+  const auto name = names_.find(static_cast<std::uint8_t>(mode));
+  return name != names_.end() && settings_.knows(name->second);
+}
+
 // ---- inputs
 
 void ModeCauses::on_telemetry(std::uint16_t structure_id, OctetView data, MonotonicTime now) {
@@ -107,15 +113,19 @@ void ModeCauses::on_node(const std::string& node, bool active, MonotonicTime now
     if (critical.node != node || critical.active == active) continue;
     critical.active = active;
     critical.since = now;
-    if (active) critical.reported = false;
+    if (active) critical.lost = critical.reported = false;
   }
 }
 
 void ModeCauses::look_at_age(MonotonicTime now) {
   for (Cause& cause : causes_) {
     if (cause.structure_id == 0 || cause.rule.stale == seconds(0)) continue;
-    cause.stale = now - cause.heard >= cause.rule.stale;
+    if (now - cause.heard < cause.rule.stale || std::exchange(cause.stale, true)) continue;
+    cause.present = true;  // only samples beyond the second threshold end it
+    cause.beyond = 0;
   }
+  for (Critical& critical : critical_)
+    critical.lost = !critical.active && now - critical.since >= settings_.lost;
 }
 
 // ---- decisions
@@ -124,8 +134,11 @@ bool ModeCauses::counts(const std::string& name) const {
   return std::find(ignored_.begin(), ignored_.end(), name) == ignored_.end();
 }
 
-bool ModeCauses::is_lost(const Critical& critical, MonotonicTime now) const {
-  return !critical.active && now - critical.since >= settings_.lost && counts(node_lost);
+const ModeCauses::Critical* ModeCauses::first_lost() const {
+  if (!counts(node_lost)) return nullptr;
+  const auto lost = std::find_if(critical_.begin(), critical_.end(),
+                                 [](const Critical& critical) { return critical.lost; });
+  return lost == critical_.end() ? nullptr : &*lost;
 }
 
 int ModeCauses::protection(MissionMode mode) const {
@@ -136,7 +149,7 @@ int ModeCauses::protection(MissionMode mode) const {
 const ModeCauses::Cause* ModeCauses::demanding() const {
   const Cause* most = nullptr;
   for (const Cause& cause : causes_) {
-    if (!(cause.present || cause.stale) || !counts(cause.rule.name)) continue;
+    if (!cause.present || !counts(cause.rule.name)) continue;
     if (most == nullptr || protection(cause.mode) > protection(most->mode)) most = &cause;
   }
   return most;
@@ -144,16 +157,23 @@ const ModeCauses::Cause* ModeCauses::demanding() const {
 
 ModeWhy ModeCauses::why(const Cause& cause) const {
   ModeWhy why{.cause = ModeCause::measurement, .source = cause.rule.name};
-  why.reason = cause.stale ? fmt::format("{}: no sample for {} s", cause.rule.name, cause.rule.stale.count())
-                           : fmt::format("{}: {} {:.3g} {} {:.3g}", cause.rule.name, cause.rule.field,
-                                         cause.last, cause.rule.below ? "below" : "above", cause.rule.enter);
+  const bool below = cause.rule.below;
+  if (cause.stale) {
+    why.reason = fmt::format("{}: no sample for {} s", cause.rule.name, cause.rule.stale.count());
+  } else if (below ? cause.last < cause.rule.enter : cause.last > cause.rule.enter) {
+    why.reason = fmt::format("{}: {} {:.3g} {} {:.3g}", cause.rule.name, cause.rule.field, cause.last,
+                             below ? "below" : "above", cause.rule.enter);
+  } else {
+    why.reason = fmt::format("{}: {} {:.3g} not {} {:.3g}", cause.rule.name, cause.rule.field, cause.last,
+                             below ? "above" : "below", cause.rule.leave);
+  }
   return why;
 }
 
-std::optional<ModeCauses::Change> ModeCauses::lost_node(const ModeManager& mode, MonotonicTime now) {
+std::optional<ModeCauses::Change> ModeCauses::lost_node(const ModeManager& mode) {
+  if (mode.mode() == MissionMode::safe || !counts(node_lost)) return std::nullopt;
   for (Critical& critical : critical_) {
-    if (!is_lost(critical, now) || std::exchange(critical.reported, true)) continue;
-    if (mode.mode() == MissionMode::safe) continue;
+    if (!critical.lost || std::exchange(critical.reported, true)) continue;
     return Change{
         MissionMode::safe,
         {.cause = ModeCause::node_lost,
@@ -167,12 +187,20 @@ std::optional<ModeCauses::Change> ModeCauses::take_change(const ModeManager& mod
   if (!std::exchange(restored_, true)) {
     // What an earlier process found is so until the second threshold says otherwise.
     for (Cause& cause : causes_) {
-      if (mode.why().cause == ModeCause::measurement && mode.why().source == cause.rule.name)
+      const bool is_why = mode.why().cause == ModeCause::measurement && mode.why().source == cause.rule.name;
+      const std::vector<std::string>& found = mode.present();
+      if (is_why || std::find(found.begin(), found.end(), cause.rule.name) != found.end())
         cause.present = true;
     }
   }
   look_at_age(now);
-  if (auto lost = lost_node(mode, now)) return lost;
+  if (settings_.enabled() && !has_row(mode.mode())) {
+    return Change{
+        MissionMode::safe,
+        {.cause = ModeCause::on_board,
+         .reason = fmt::format("the deployment has no row for mode {}", static_cast<unsigned>(mode.mode()))}};
+  }
+  if (auto lost = lost_node(mode)) return lost;
   const Cause* most = demanding();
   if (most != nullptr && protection(most->mode) > protection(mode.mode()))
     return Change{most->mode, why(*most)};
@@ -180,12 +208,13 @@ std::optional<ModeCauses::Change> ModeCauses::take_change(const ModeManager& mod
   const auto own = std::find_if(causes_.begin(), causes_.end(),
                                 [&](const Cause& c) { return c.rule.name == mode.why().source; });
   if (own == causes_.end() || !own->rule.returns) return std::nullopt;
-  if ((own->present || own->stale) && counts(own->rule.name)) return std::nullopt;
+  if (own->present && counts(own->rule.name)) return std::nullopt;
   if (most != nullptr) {
     if (most->mode == mode.mode() && most->rule.name == own->rule.name) return std::nullopt;
     return Change{most->mode, why(*most)};
   }
-  if (mode.commanded() == mode.mode()) return std::nullopt;
+  if (mode.commanded() == mode.mode() || first_lost() != nullptr) return std::nullopt;
+  if (!has_row(mode.commanded())) return std::nullopt;
   return Change{mode.commanded(),
                 {.cause = ModeCause::on_board,
                  .reason = fmt::format("{} is over: {} {:.3g}", own->rule.name, own->rule.field, own->last)}};
@@ -200,13 +229,13 @@ std::optional<MonotonicTime> ModeCauses::next_due(MonotonicTime now) const {
     if (cause.structure_id != 0 && cause.rule.stale > seconds(0)) sooner(cause.heard + cause.rule.stale);
   }
   for (const Critical& critical : critical_) {
-    if (!critical.active && !critical.reported) sooner(critical.since + settings_.lost);
+    if (!critical.active && !critical.lost) sooner(critical.since + settings_.lost);
   }
   return due;
 }
 
 std::optional<std::pair<std::uint16_t, Octets>> ModeCauses::why_not(MissionMode mode) const {
-  if (settings_.enabled() && !settings_.knows(name_of(mode)))
+  if (settings_.enabled() && !has_row(mode))
     return std::pair(mission::failure::unknown_identifier, octets_of_u16(static_cast<std::uint16_t>(mode)));
   const Cause* most = demanding();
   if (most == nullptr || protection(mode) >= protection(most->mode)) return std::nullopt;
@@ -214,15 +243,23 @@ std::optional<std::pair<std::uint16_t, Octets>> ModeCauses::why_not(MissionMode 
   return std::pair(mission::failure::mode_held, Octets{number});
 }
 
+std::vector<std::string> ModeCauses::present() const {
+  std::vector<std::string> names;
+  for (const Cause& cause : causes_) {
+    if (cause.present) names.push_back(cause.rule.name);
+  }
+  return names;
+}
+
 // ---- for the ground
 
 std::uint8_t ModeCauses::present_bits() const {
   unsigned bits = 0;
   for (std::size_t i = 0; i < causes_.size(); ++i) {
-    if (causes_[i].present || causes_[i].stale) bits |= 1U << std::min<std::size_t>(i, bit_of_nodes);
+    if (causes_[i].present) bits |= 1U << std::min<std::size_t>(i, bit_of_nodes);
   }
   for (const Critical& critical : critical_) {
-    if (critical.reported) bits |= 1U << bit_of_nodes;
+    if (critical.lost) bits |= 1U << bit_of_nodes;
   }
   return static_cast<std::uint8_t>(bits);
 }
@@ -230,11 +267,10 @@ std::uint8_t ModeCauses::present_bits() const {
 std::string ModeCauses::present_text() const {
   std::vector<std::string> names;
   for (const Cause& cause : causes_) {
-    if (cause.present || cause.stale)
-      names.push_back(cause.rule.name + (counts(cause.rule.name) ? "" : " (ignored)"));
+    if (cause.present) names.push_back(cause.rule.name + (counts(cause.rule.name) ? "" : " (ignored)"));
   }
   for (const Critical& critical : critical_) {
-    if (critical.reported) names.push_back(critical.node + " lost");
+    if (critical.lost) names.push_back(critical.node + (counts(node_lost) ? " lost" : " lost (ignored)"));
   }
   return fmt::format("{}", fmt::join(names, ", "));
 }
@@ -244,8 +280,10 @@ std::string ModeCauses::way_back(const ModeManager& mode) const {
   for (const Cause& cause : causes_) {
     if (cause.rule.name != mode.why().source || !cause.rule.returns || mode.commanded() == mode.mode())
       continue;
-    return fmt::format("{} when {} is {} {:.3g}", name_of(mode.commanded()), cause.rule.field,
-                       cause.rule.below ? "above" : "below", cause.rule.leave);
+    const Critical* lost = first_lost();
+    return fmt::format("{} when {} is {} {:.3g}{}", name_of(mode.commanded()), cause.rule.field,
+                       cause.rule.below ? "above" : "below", cause.rule.leave,
+                       lost == nullptr ? "" : fmt::format(" and {} is active", lost->node));
   }
   return {};
 }

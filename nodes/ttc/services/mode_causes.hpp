@@ -53,6 +53,8 @@ class ModeCauses {
   /// present. @return failure code and its parameter
   [[nodiscard]] std::optional<std::pair<std::uint16_t, Octets>> why_not(MissionMode mode) const;
 
+  /// The names of the measurements that are a cause now, whether or not they are why the mode is what it is.
+  [[nodiscard]] std::vector<std::string> present() const;
   /// Bit n: cause n + 1 of the deployment; bit 7: a critical node is lost.
   [[nodiscard]] std::uint8_t present_bits() const;
   /// The same for people.
@@ -67,8 +69,8 @@ class ModeCauses {
     std::uint16_t structure_id = 0;  ///< 0: the dictionary has no such field
     std::size_t offset = 0;
     bool present = false;
-    bool stale = false;
-    int beyond = 0;  ///< samples in a row past the threshold that would change `present`
+    bool stale = false;  ///< no sample since long
+    int beyond = 0;      ///< samples in a row past the threshold that would change `present`
     double last = 0;
     MonotonicTime heard;
   };
@@ -76,14 +78,17 @@ class ModeCauses {
     std::string node;
     bool active = true;  ///< until it is known
     MonotonicTime since;
-    bool reported = false;  ///< as lost; again only after it was Active
+    bool lost = false;      ///< not Active for long enough
+    bool reported = false;  ///< as lost, by a change of mode; again only after it was Active
   };
+  [[nodiscard]] bool has_row(MissionMode mode) const;
   void resolve(const mission::Dictionary& dictionary, Cause& cause);
   void judge(Cause& cause, double value);
   void look_at_age(MonotonicTime now);
   [[nodiscard]] bool counts(const std::string& name) const;
-  [[nodiscard]] bool is_lost(const Critical& critical, MonotonicTime now) const;
-  [[nodiscard]] std::optional<Change> lost_node(const ModeManager& mode, MonotonicTime now);
+  /// nullptr: none, or they are ignored.
+  [[nodiscard]] const Critical* first_lost() const;
+  [[nodiscard]] std::optional<Change> lost_node(const ModeManager& mode);
   /// The safest mode that a cause demands.
   [[nodiscard]] const Cause* demanding() const;
   [[nodiscard]] ModeWhy why(const Cause& cause) const;

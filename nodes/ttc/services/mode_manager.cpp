@@ -5,6 +5,7 @@
 #include <sstream>
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include "nodes/ttc/checked_text.hpp"
 
@@ -36,11 +37,12 @@ std::string ModeManager::change(MissionMode mode, ModeWhy why, std::optional<Utc
   return stored_text();
 }
 
-/// One line of values, one of the source, one of the reason.
+/// One line of values, one of the source, one of the reason, one of the present causes.
 std::string ModeManager::stored_text() const {
-  return with_check(fmt::format("mode {} {} {} {} {}\n{}\n{}", static_cast<unsigned>(mode_),
+  return with_check(fmt::format("mode {} {} {} {} {}\n{}\n{}\n{}", static_cast<unsigned>(mode_),
                                 static_cast<unsigned>(commanded_), static_cast<unsigned>(why_.cause), change_,
-                                since_ ? since_->ns() : 0, why_.source, why_.reason));
+                                since_ ? since_->ns() : 0, why_.source, why_.reason,
+                                fmt::join(present_, ",")));
 }
 
 bool ModeManager::read(std::string_view text) {
@@ -64,6 +66,8 @@ bool ModeManager::read(std::string_view text) {
   in.get();
   if (!std::getline(in, why.source)) return false;
   std::getline(in, why.reason);
+  present_.clear();
+  for (std::string name; std::getline(in, name, ',');) present_.push_back(name);  // earlier versions: none
   mode_ = static_cast<MissionMode>(mode);
   commanded_ = static_cast<MissionMode>(commanded);
   why_ = std::move(why);

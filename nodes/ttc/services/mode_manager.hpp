@@ -6,6 +6,8 @@
 #include <optional>
 #include <string>
 #include <string_view>
+#include <utility>
+#include <vector>
 
 #include <mission/structures.hpp>
 
@@ -56,6 +58,9 @@ class ModeManager {
 
   /// @param utc  nullopt: not valid  @return the file content that makes it last
   [[nodiscard]] std::string change(MissionMode mode, ModeWhy why, std::optional<UtcTime> utc = {});
+  /// The measurements that are a cause now, apart from why(): a restart must find them. Without comma.
+  [[nodiscard]] const std::vector<std::string>& present() const { return present_; }
+  void set_present(std::vector<std::string> names) { present_ = std::move(names); }
   /// The file content of the mode as it is.
   [[nodiscard]] std::string stored_text() const;
 
@@ -68,6 +73,7 @@ class ModeManager {
   ModeWhy why_{.cause = ModeCause::storage};
   std::uint32_t change_ = 0;
   std::optional<UtcTime> since_;
+  std::vector<std::string> present_;
 };
 
 }  // namespace srfs

@@ -34,10 +34,14 @@ void ModeService::execute(const Telecommand& telecommand, MonotonicTime /*now*/)
     report_queue().failure(telecommand.origin, Stage::start, refusal->code, refusal->parameter);
     return;
   }
-  if (!start(telecommand.origin)) return;
   const MissionMode mode = mode_of(telecommand).value_or(MissionMode::safe);
-  if (mode != mode_.mode()) hazards_.disarm(mission::DisarmReason::mode_changed);
   const bool by_event = telecommand.origin.source_id == EventActionService::on_board_source;
+  if (by_event && mode == mode_.mode()) {  // nothing new: why it is so decides what ends it
+    report_queue().done(telecommand.origin);
+    return;
+  }
+  if (!start(telecommand.origin)) return;
+  if (mode != mode_.mode()) hazards_.disarm(mission::DisarmReason::mode_changed);
   ModeWhy why{.reason = "commanded"};
   if (by_event) why = {.cause = ModeCause::on_board, .reason = "event-action"};
   set_change(

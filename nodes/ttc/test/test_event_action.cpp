@@ -417,6 +417,19 @@ TEST_F(ActionsInTtc, AnEmptyBatteryCommandsSafeModeAfterTwoSamples) {
   EXPECT_EQ(core_->journal().open(), 0U) << "it ended in the journal";
 }
 
+TEST_F(ActionsInTtc, AnActionThatCommandsTheModeInForceLeavesTheReasonThatEndsIt) {
+  send("ttc.set_mode", {"mode=safe"});
+  ASSERT_EQ(mode_reason_, "commanded");
+  charge(0.14F);
+  charge(0.14F);
+  const auto events = settle();
+  EXPECT_TRUE(has(events, mission::event::event_action_released));
+  EXPECT_FALSE(has(events, mission::event::ttc_mode_changed));
+  EXPECT_EQ(mode_, MissionMode::safe);
+  EXPECT_EQ(mode_reason_, "commanded");
+  EXPECT_EQ(core_->journal().open(), 0U) << "it ended as done";
+}
+
 TEST_F(ActionsInTtc, ADamagedTableIsSaidAndTheFactorySetHolds) {
   EXPECT_EQ(reported_at_start_, 0U);
   begin_with({.table = {}, .damaged = true});
@@ -472,9 +485,9 @@ TEST_F(ActionsInTtc, AnEventThatIsNotSoundOrNotItsSendersOwnTriggersNothing) {
 }
 
 TEST_F(ActionsInTtc, AnActionThatRaisesItsOwnEventEndsInItsRate) {
-  begin({{"ttc.mode_changed", "ttc.set_mode mode=safe"}});
+  begin({{"ttc.transmitter_on", "ttc.transmitter_on"}});
   std::size_t delayed = 0;
-  send("ttc.set_mode", {"mode=safe"});
+  send("ttc.transmitter_on", {});
   const MonotonicTime began = now_;
   for (; now_ - began < std::chrono::minutes(5); now_ = now_ + seconds(1)) {
     for (const std::uint16_t event : settle())

@@ -6,6 +6,7 @@
 #include <cmath>
 #include <random>
 
+#include <fmt/format.h>
 #include <gtest/gtest.h>
 
 #include "nodes/ttc/link/downlink_budget.hpp"
@@ -70,7 +71,12 @@ class ModeCausesTest : public testing::Test {
     step();
   }
   void step() {
-    if (const auto change = causes_.take_change(mode_, now_)) {
+    const auto change = causes_.take_change(mode_, now_);
+    if (causes_.present() != mode_.present()) {
+      mode_.set_present(causes_.present());
+      stored_ = mode_.stored_text();
+    }
+    if (change) {
       stored_ = mode_.change(change->mode, change->why);
       ++changes_;
     }
@@ -159,6 +165,75 @@ TEST_F(ModeCausesTest, AMeasurementThatNoLongerComesIsACauseToo) {
   rate(1, 5);
   EXPECT_EQ(mode_.mode(), MissionMode::safe);  // this one does not go back by itself
   EXPECT_TRUE(command(MissionMode::nominal));
+}
+
+TEST_F(ModeCausesTest, OneSampleAfterASilenceDoesNotLeaveSafeMode) {
+  suite::ModeSettings s = settings();
+  s.causes[2].returns = true;
+  causes_ = ModeCauses(dictionary(), s, now_);
+  now_ += seconds(60);
+  step();
+  ASSERT_EQ(mode_.mode(), MissionMode::safe);
+  rate(5);  // neither beyond the first threshold nor beyond the second
+  EXPECT_EQ(mode_.mode(), MissionMode::safe);
+  EXPECT_EQ(causes_.present_text(), "tumbling");
+  rate(1);
+  EXPECT_EQ(mode_.mode(), MissionMode::safe);
+  rate(1);
+  EXPECT_EQ(mode_.mode(), MissionMode::nominal);
+}
+
+TEST_F(ModeCausesTest, SafeModeIsNotLeftByItselfWhileACriticalNodeIsLost) {
+  charge(0.3F, 3);
+  ASSERT_EQ(mode_.mode(), MissionMode::safe);
+  causes_.on_node("can_switcher", false, now_);
+  now_ += seconds(30);
+  rate(1);
+  EXPECT_EQ(causes_.present_text(), "battery, saving, can_switcher lost");
+  EXPECT_EQ(causes_.way_back(mode_), "nominal when state_of_charge is above 0.55 and can_switcher is active");
+  charge(0.7F, 10);
+  EXPECT_EQ(mode_.mode(), MissionMode::safe);
+  causes_.on_node("can_switcher", true, now_);
+  step();
+  EXPECT_EQ(mode_.mode(), MissionMode::nominal);
+}
+
+TEST_F(ModeCausesTest, ANodeThatWasLostInSafeModeIsReportedWhenSafeModeIsLeft) {
+  ASSERT_TRUE(command(MissionMode::safe));
+  causes_.on_node("can_switcher", false, now_);
+  now_ += seconds(30);
+  rate(1);
+  EXPECT_EQ(changes_, 0);
+  EXPECT_TRUE(command(MissionMode::nominal));
+  EXPECT_EQ(mode_.mode(), MissionMode::safe);
+  EXPECT_EQ(mode_.reason(), "can_switcher is not active for 30 s");
+  EXPECT_TRUE(command(MissionMode::nominal));  // the operator knows now
+  EXPECT_EQ(mode_.mode(), MissionMode::nominal);
+}
+
+TEST_F(ModeCausesTest, ARestartKeepsACauseThatIsNotWhyTheModeIsWhatItIs) {
+  ASSERT_TRUE(command(MissionMode::safe));
+  charge(0.3F, 3);
+  EXPECT_EQ(mode_.reason(), "commanded");
+  restart();
+  charge(0.4F, 10);  // between the thresholds
+  EXPECT_EQ(causes_.present_text(), "battery, saving");
+  EXPECT_FALSE(command(MissionMode::nominal));
+  charge(0.7F, 10);
+  EXPECT_TRUE(command(MissionMode::nominal));
+}
+
+TEST_F(ModeCausesTest, AModeThatTheDeploymentDoesNotHaveIsLeftForSafe) {
+  mode_ = ModeManager(StoredModeState::first_start, "", MissionMode::pass);
+  step();
+  EXPECT_EQ(mode_.mode(), MissionMode::safe);
+  EXPECT_EQ(mode_.reason(), fmt::format("the deployment has no row for mode {}",
+                                        int{static_cast<std::uint8_t>(MissionMode::pass)}));
+  charge(0.3F, 3);
+  charge(0.7F, 10);
+  EXPECT_EQ(changes_, 1);  // and nothing goes back to it
+  EXPECT_TRUE(command(MissionMode::nominal));
+  EXPECT_EQ(mode_.mode(), MissionMode::nominal);
 }
 
 TEST_F(ModeCausesTest, ACriticalNodeThatIsLostIsACauseOnceUntilItIsBack) {
