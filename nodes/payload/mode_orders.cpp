@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "nodes/payload/mode_orders.hpp"
 
+#include <charconv>
 #include <sstream>
 #include <variant>
 
@@ -61,6 +62,18 @@ ModeOrders resolve_orders(const mission::Dictionary& dictionary, const suite::Mo
     add(reaction.hold, of_mode.hold);
   }
   return orders;
+}
+
+OnceDone::OnceDone(std::optional<std::string_view> stored) {
+  if (!stored) return;
+  std::uint32_t change = 0;
+  const bool fine =
+      std::from_chars(stored->data(), stored->data() + stored->size(), change).ec == std::errc{};
+  change_ = fine ? std::optional(change) : std::nullopt;
+}
+
+std::string OnceDone::stored_text() const {
+  return change_ ? fmt::format("{}\n", *change_) : "by itself\n";
 }
 
 }  // namespace srfs

@@ -363,9 +363,18 @@ void PayloadCycle::on_order_answer(const wire::CommandResponse& answer, Monotoni
     orders_.on_done(now);
   } else {
     act(OrderRefused{order->text, why});
-    orders_.on_refused(now);
+    const bool for_ever = answer.result == wire::PeripheralResult::bad_argument ||
+                          answer.result == wire::PeripheralResult::unknown_function;
+    orders_.on_refused(for_ever, now);
   }
   run_next_command(now);
+}
+
+void PayloadCycle::on_silent_order(FailureCode why, MonotonicTime now) {
+  const StandingOrder* order = orders_changed_ ? nullptr : orders_.next(now);
+  if (order == nullptr || why == mission::failure::bus_lost) return;
+  const std::string text = order->text;
+  if (orders_.on_silence(now)) act(OrderRefused{text, why});
 }
 
 void PayloadCycle::end_command(FailureCode outcome) {
@@ -443,6 +452,8 @@ void PayloadCycle::on_no_answer(RequestFailure why, const std::string& detail, M
                                : mission::failure::peripheral_silent;
   if (step_ == Step::commanding) {
     retry_command(code);
+  } else if (step_ == Step::ordering) {
+    on_silent_order(code, now);
   } else if (step_ == Step::resetting) {
     if (reset_ordered_) {
       start_power_cycle(reset_reason_, settings_.power_off_time, false);

@@ -74,7 +74,7 @@ struct SlotStatistics {
   nanoseconds longest_used{0};
 };
 
-/// Every standing order was answered for the first time since set_orders().
+/// Every standing order was answered since set_orders(), those that count once are carried out or given up.
 struct OrdersObeyed {
   std::uint8_t done = 0;  ///< that the peripheral carried out
 };
@@ -282,6 +282,8 @@ class PayloadCycle {
   void on_command_answer(const wire::CommandResponse& answer, MonotonicTime now);
   void send_order(const StandingOrder& order, MonotonicTime now);
   void on_order_answer(const wire::CommandResponse& answer, MonotonicTime now);
+  /// After some tries it gives way to the next one.
+  void on_silent_order(FailureCode why, MonotonicTime now);
   void end_command(FailureCode outcome);
   void retry_command(FailureCode why);
   void send_reset(bool ordered, const std::string& reason, MonotonicTime now);

@@ -7,7 +7,6 @@
 #include <sys/epoll.h>
 
 #include <algorithm>
-#include <charconv>
 #include <thread>
 
 #include "base/excerpt.hpp"
@@ -197,10 +196,9 @@ void PayloadNode::restore() {
   std::error_code ec;
   if (std::filesystem::exists(ids_lost_mark(), ec)) cycle_->restore_ids_lost();
   if (std::filesystem::exists(kept_off_mark())) cycle_->restore_kept_off();
-  once_done_.reset();
-  std::uint32_t change = 0;
-  const std::string done = read_file(once_done_file(), 32).value_or("");
-  if (std::from_chars(done.data(), done.data() + done.size(), change).ec == std::errc{}) once_done_ = change;
+  once_done_ = OnceDone(std::nullopt);
+  if (std::filesystem::exists(once_done_file(), ec))
+    once_done_ = OnceDone(read_file(once_done_file(), 32).value_or(""));
 }
 
 void PayloadNode::open_topics() {
@@ -272,8 +270,7 @@ void PayloadNode::resolve_mode_orders() {
           log::error(
               "the mission dictionary cannot be read, so the mode's orders are not given; tried again: {}",
               orders.problems.front().why);
-          orders_retry_ = create_one_shot(
-              monotonic_now() + orders_retry_period, [this] { hold_to_mode(); }, "orders of the mode");
+          retry_mode_orders();
           return;
         }
         mode_orders_ = orders;
@@ -283,25 +280,28 @@ void PayloadNode::resolve_mode_orders() {
                      problem.order, problem.why);
         hold_to_mode();
       });
+  if (!resolving_orders_) retry_mode_orders();  // the worker has no room now
+}
+
+void PayloadNode::retry_mode_orders() {
+  orders_retry_ = create_one_shot(
+      monotonic_now() + orders_retry_period, [this] { hold_to_mode(); }, "orders of the mode");
 }
 
 void PayloadNode::give_orders() {
   const suite::ModeInForce& mode = *mode_in_force();
   ModeOrders::OfMode orders;
   if (mode_orders_) orders = mode_orders_->modes[mode.name];
-  if (mode.by_itself || mode.change == 0 || once_done_ == mode.change) orders.once.clear();
+  if (mode.by_itself || once_done_.is_of(mode.change)) orders.once.clear();
   run(cycle_->set_orders(std::move(orders.once), std::move(orders.hold), deployment().modes.repeat,
                          monotonic_now()));
 }
 
 void PayloadNode::remember_once_done(std::optional<std::uint32_t> change) {
-  if (change == once_done_) return;
-  once_done_ = change;
-  if (!store_worker_) return;
-  (void)store_worker_->post([file = once_done_file(), change] {
-    const auto written =
-        change ? write_file_atomically(file, std::to_string(*change) + '\n') : remove_durably(file);
-    if (!written) log::error("{}", written.error().message);
+  if (!once_done_.set(change) || !store_worker_) return;
+  (void)store_worker_->post([file = once_done_file(), text = once_done_.stored_text()] {
+    if (const auto written = write_file_atomically(file, text); !written)
+      log::error("{}", written.error().message);
   });
 }
 

@@ -51,6 +51,7 @@ class PayloadNode : public suite::Node {
   // The mode's orders for the peripheral. The dictionary is read on a worker, when the first are needed.
   void hold_to_mode();
   void resolve_mode_orders();
+  void retry_mode_orders();
   void give_orders();
   [[nodiscard]] std::filesystem::path once_done_file() const;
   void raise_order_failed(const std::string& order, const std::string& why);
@@ -126,7 +127,7 @@ class PayloadNode : public suite::Node {
   std::optional<ModeOrders> mode_orders_;
   bool resolving_orders_ = false;
   ros::Timer orders_retry_;
-  std::optional<std::uint32_t> once_done_;
+  OnceDone once_done_;
   suite::MissionTime time_;
   ActionQueue<PayloadAction> actions_;
   ros::Timer timer_;

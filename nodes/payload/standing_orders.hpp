@@ -24,11 +24,14 @@ struct StandingOrder {
 
 /// What the mode holds a peripheral to: a level. Orders go out one after the other; when all were answered
 /// they go out again after the repeat time, or at once when the peripheral may have forgotten them. Orders
-/// that count once come before the first round. An order without an answer is tried again in the next slot;
-/// one that the peripheral refuses gives way to the next, and is tried again in the next round. Pure.
+/// that count once come first, until they are carried out. An order without an answer is tried again in the
+/// next slot; after longest_silence tries it gives way to the next, as one that the peripheral refuses, and
+/// is tried again in the next round. Pure.
 class StandingOrders {
  public:
-  /// Another mode: begins anew. The same orders go on where they are.
+  static constexpr int longest_silence = 3;
+
+  /// Another mode: begins anew.
   void set(std::vector<StandingOrder> once, std::vector<StandingOrder> hold, nanoseconds repeat,
            MonotonicTime now);
   /// The peripheral was reset or lost its power: what is held is sent again at once.
@@ -36,10 +39,16 @@ class StandingOrders {
 
   /// What to send now; nullptr: nothing is due.
   [[nodiscard]] const StandingOrder* next(MonotonicTime now) const;
-  void on_done(MonotonicTime now) { advance(true, now); }
-  void on_refused(MonotonicTime now) { advance(false, now); }
+  void on_done(MonotonicTime now) { advance(Answer::done, now); }
+  /// @param for_ever  it will never take it: an order that counts once is given up
+  void on_refused(bool for_ever, MonotonicTime now) {
+    advance(for_ever ? Answer::impossible : Answer::refused, now);
+  }
+  /// @return it gave way to the next one
+  [[nodiscard]] bool on_silence(MonotonicTime now);
 
-  /// Once after each set(): every order was answered. @return how many the peripheral carried out
+  /// Once after each set(): every order was answered, those that count once are carried out or given up.
+  /// @return how many the peripheral carried out
   [[nodiscard]] std::optional<std::uint8_t> take_first_round();
 
  private:
@@ -47,15 +56,19 @@ class StandingOrders {
   [[nodiscard]] const StandingOrder& at(std::size_t index) const {
     return index < once_.size() ? once_[index] : hold_[index - once_.size()];
   }
-  void advance(bool done, MonotonicTime now);
+  enum class Answer : std::uint8_t { done, refused, impossible };
+  void advance(Answer answer, MonotonicTime now);
+  void begin_round();
 
-  std::vector<StandingOrder> once_;
+  std::vector<StandingOrder> once_;  ///< that are still to be carried out
   std::vector<StandingOrder> hold_;
   nanoseconds repeat_{0};
-  std::size_t next_ = 0;      ///< size(): the round is over
-  MonotonicTime again_;       ///< the next round begins
-  std::uint8_t done_ = 0;     ///< in the first round
-  bool first_round_ = false;  ///< under way
+  std::size_t next_ = 0;  ///< size(): the round is over
+  MonotonicTime again_;   ///< the next round begins
+  int silent_ = 0;        ///< tries of the order at next_ without an answer
+  std::uint8_t once_done_ = 0;
+  std::uint8_t hold_done_ = 0;  ///< in this round
+  bool unreported_ = false;     ///< since set()
   bool report_ = false;
 };
 

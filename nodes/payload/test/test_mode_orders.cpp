@@ -52,5 +52,26 @@ TEST(ModeOrders, LeaveOutWhatIsNoneAndSayWhy) {
   }
 }
 
+TEST(OnceDoneTest, TheModeOfTheFirstStartChangesNothingUnlessTheNodeDidSomethingByItself) {
+  OnceDone done(std::nullopt);
+  EXPECT_TRUE(done.is_of(0));
+  EXPECT_TRUE(done.set(std::nullopt));  // by itself
+  EXPECT_FALSE(done.is_of(0));
+  const OnceDone restarted(done.stored_text());
+  EXPECT_FALSE(restarted.is_of(0));
+  EXPECT_TRUE(done.set(0));
+  EXPECT_TRUE(OnceDone(done.stored_text()).is_of(0));
+}
+
+TEST(OnceDoneTest, IsKeptAcrossRestartsAndDamageMeansThatNothingIsDone) {
+  OnceDone done;
+  EXPECT_TRUE(done.set(7));
+  EXPECT_FALSE(done.set(7));
+  EXPECT_TRUE(OnceDone(done.stored_text()).is_of(7));
+  EXPECT_FALSE(OnceDone(done.stored_text()).is_of(8));
+  EXPECT_FALSE(OnceDone("").is_of(0));
+  EXPECT_FALSE(OnceDone("x").is_of(0));
+}
+
 }  // namespace
 }  // namespace srfs

@@ -809,6 +809,36 @@ TEST_F(PayloadCycleTest, AnOrderWithoutAnAnswerComesAgainInTheNextSlotUnderAnoth
   EXPECT_NE(sent_command(actions)->telecommand_id, id);
 }
 
+TEST_F(PayloadCycleTest, AnOrderThatIsNeverAnsweredIsReportedAfterThreeTriesAndTheNextGoesOut) {
+  cycle.set_orders({}, {{2, {}, "two"}, {3, {}, "three"}}, seconds(10), now);
+  for (int tries = 1; tries <= StandingOrders::longest_silence; ++tries) {
+    grant();
+    ASSERT_EQ(sent_command(wake())->function, 2);
+    const PayloadActions actions = pass(milliseconds(25));
+    EXPECT_EQ(find<OrderRefused>(actions) != nullptr, tries == StandingOrders::longest_silence);
+    quiet();
+  }
+  grant();
+  const PayloadActions actions = wake();
+  ASSERT_NE(sent_command(actions), nullptr);
+  EXPECT_EQ(sent_command(actions)->function, 3);
+}
+
+TEST_F(PayloadCycleTest, AnOrderThatCountsOnceIsDoneWhenThePeripheralHasCarriedItOut) {
+  cycle.set_orders({{2, {}, "two"}}, {}, seconds(10), now);
+  grant();
+  PayloadActions actions =
+      command_answer(sent_command(wake())->telecommand_id, wire::PeripheralResult::cannot_now);
+  EXPECT_NE(find<OrderRefused>(actions), nullptr);
+  EXPECT_EQ(find<OrdersObeyed>(actions), nullptr);
+  quiet();
+  now += seconds(10);
+  grant();
+  actions = command_answer(sent_command(wake())->telecommand_id);
+  ASSERT_NE(find<OrdersObeyed>(actions), nullptr);
+  EXPECT_EQ(find<OrdersObeyed>(actions)->done, 1);
+}
+
 TEST_F(PayloadCycleTest, AnOrderThatThePeripheralRefusesIsReportedAndTheNextGoesOut) {
   cycle.set_orders({}, {{2, {}, "two"}, {3, {}, "three"}}, seconds(10), now);
   grant();

@@ -51,10 +51,53 @@ TEST(StandingOrders, ComeAtOnceAgainWhenThePeripheralMayHaveForgottenThem) {
 TEST(StandingOrders, AreNoObstacleWhenOneIsRefused) {
   StandingOrders orders;
   orders.set({}, {order(1), order(2)}, repeat, begin);
-  orders.on_refused(begin);
+  orders.on_refused(false, begin);
   EXPECT_EQ(orders.next(begin)->function, 2);
   orders.on_done(begin);
   EXPECT_EQ(orders.take_first_round(), 1);
+  EXPECT_EQ(orders.next(begin + repeat)->function, 1);
+}
+
+TEST(StandingOrders, ThatCountOnceComeAgainInEachRoundUntilTheyAreCarriedOut) {
+  StandingOrders orders;
+  orders.set({order(1)}, {order(2)}, repeat, begin);
+  MonotonicTime now = begin;
+  for (int round = 0; round < 3; ++round, now += repeat) {
+    ASSERT_NE(orders.next(now), nullptr);
+    ASSERT_EQ(orders.next(now)->function, 1);
+    orders.on_refused(false, now);
+    ASSERT_EQ(orders.next(now)->function, 2);
+    orders.on_done(now);
+    EXPECT_FALSE(orders.take_first_round());
+  }
+  ASSERT_EQ(orders.next(now)->function, 1);
+  orders.on_done(now);
+  ASSERT_EQ(orders.next(now)->function, 2);
+  orders.on_done(now);
+  EXPECT_EQ(orders.take_first_round(), 2);
+  EXPECT_EQ(orders.next(now + repeat)->function, 2);
+}
+
+TEST(StandingOrders, ThatCountOnceAreGivenUpWhenThePeripheralWillNeverTakeThem) {
+  StandingOrders orders;
+  orders.set({order(1)}, {}, repeat, begin);
+  orders.on_refused(true, begin);
+  EXPECT_EQ(orders.take_first_round(), 0);
+  EXPECT_EQ(orders.next(begin + repeat), nullptr);
+}
+
+TEST(StandingOrders, GiveWayToTheNextAfterThreeTriesWithoutAnAnswer) {
+  StandingOrders orders;
+  orders.set({order(1)}, {order(2)}, repeat, begin);
+  EXPECT_FALSE(orders.on_silence(begin));
+  EXPECT_FALSE(orders.on_silence(begin));
+  ASSERT_EQ(orders.next(begin)->function, 1);
+  EXPECT_TRUE(orders.on_silence(begin));
+  ASSERT_EQ(orders.next(begin)->function, 2);
+  EXPECT_FALSE(orders.on_silence(begin));  // the count begins anew
+  orders.on_done(begin);
+  EXPECT_FALSE(orders.take_first_round());
+  ASSERT_NE(orders.next(begin + repeat), nullptr);
   EXPECT_EQ(orders.next(begin + repeat)->function, 1);
 }
 
