@@ -141,6 +141,11 @@ void ClientHub::greet(Client& client, const nlohmann::json& message) {
     client.keys = key_set_of(message.at("keys").get<std::string>());
     if (!client.keys) throw std::invalid_argument("no set of keys");
   }
+  const bool goes_on_with_ad = message.value("ad", false);
+  if (goes_on_with_ad) {
+    client.uses_ad = true;
+    static_cast<void>(link_.start_ad());  // its problem is in the welcome's report
+  }
   client.greeted = true;
   nlohmann::json welcome = state();
   welcome["type"] = "welcome";
@@ -149,7 +154,7 @@ void ClientHub::greet(Client& client, const nlohmann::json& message) {
   welcome["ad"] = {{"window", hooks_.fop.window},
                    {"t1_ms", hooks_.fop.timer / milliseconds(1)},
                    {"transmissions", hooks_.fop.transmission_limit}};
-  welcome["cop"] = serve::to_message(without_service(link_.cop()));
+  welcome["cop"] = serve::to_message(goes_on_with_ad ? link_.cop() : without_service(link_.cop()));
   welcome["transfers"] = serve::to_message(link_.transfers());
   welcome["clients"] = clients_.size() - 1;  // without this one
   welcome["line_open"] = link_.fd() >= 0;

@@ -37,6 +37,14 @@ std::string_view direction_text(cfdp::Role role) {
   return role == cfdp::Role::sending ? "up" : "down";
 }
 
+/// The server ended, and what became of the file was not seen.
+bool is_unknown(const cfdp::News& news) {
+  const cfdp::Outcome& outcome = news.event.outcome;
+  return news.event.kind == cfdp::EventKind::finished && outcome.incomplete &&
+         outcome.condition == cfdp::CfdpCondition::no_error &&
+         outcome.file_status == wire::CfdpFileStatus::unreported;
+}
+
 }  // namespace
 
 Result<std::unique_ptr<cfdp::TransferFolders>, std::string> open_files(const std::filesystem::path& state_dir,
@@ -137,7 +145,7 @@ nlohmann::json to_json(const cfdp::News& news) {
     json.erase("state");
   }
   if (finished || news.event.kind == cfdp::EventKind::fault) {
-    json["condition"] = wire::to_string(news.event.outcome.condition);
+    json["condition"] = is_unknown(news) ? "unknown" : wire::to_string(news.event.outcome.condition);
   }
   if (news.event.kind == cfdp::EventKind::fault) json["reaction"] = cfdp::to_string(news.event.handler);
   if (news.event.file_fault) json["problem"] = cfdp::to_string(*news.event.file_fault);
@@ -163,7 +171,9 @@ std::string to_line(const cfdp::News& news) {
   std::string line = fmt::format("{:<4} {:<12} {:<20}  ", direction_text(news.event.role),
                                  to_text(news.event.id), for_terminal(news.file.destination_file));
   if (has_arrived(news)) return line + fmt::format("arrived, {} octets", news.file.file_octets.value_or(0));
-  if (news.event.kind == cfdp::EventKind::finished) {
+  if (is_unknown(news)) {
+    line += "ended while the server was away; whether it arrived is not known";
+  } else if (news.event.kind == cfdp::EventKind::finished) {
     line += fmt::format("ended: {}", wire::to_string(news.event.outcome.condition));
   } else if (news.event.kind == cfdp::EventKind::fault) {
     line += fmt::format("{}: {}", wire::to_string(news.event.outcome.condition),

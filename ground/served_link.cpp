@@ -34,6 +34,12 @@ std::optional<nlohmann::json> parse(const std::string& text) {
   return json.is_object() && json.contains("type") ? std::optional(std::move(json)) : std::nullopt;
 }
 
+/// They say how things are; those of a server that has ended say it no longer.
+bool is_state(const nlohmann::json& message) {
+  const auto& type = message["type"];
+  return type == "state" || type == "cop" || type == "transfers";
+}
+
 std::string text(const nlohmann::json& message, const char* name) {
   return message.contains(name) && message[name].is_string() ? message[name].get<std::string>() : "";
 }
@@ -61,11 +67,14 @@ Result<bool, std::string> ServerConnection::connect() {
                        {"octets", hello_.octets}};
   if (hello_.keys) hello["keys"] = to_text(*hello_.keys);
   if (seen_ != 0) hello["after"] = seen_;
+  if (ad_wanted_) hello["ad"] = true;
   const MonotonicTime deadline = monotonic_now() + reply_patience;
   if (send_message(socket_.get(), serve::text_of(hello)) == SendResult::sent) {
     if (auto welcome = receive(deadline)) {
       if ((*welcome)["type"] == "refused") return Err(text(*welcome, "message"));
       welcome_ = std::move(*welcome);
+      if (welcome_.contains("cop")) follow(welcome_["cop"]);
+      std::erase_if(pending_, is_state);
       return true;
     }
   }
@@ -79,7 +88,10 @@ std::optional<nlohmann::json> ServerConnection::receive(MonotonicTime deadline) 
   while (socket_) {
     auto received = receive_message(socket_.get(), serve::message_octets_max);
     if (const auto* message = std::get_if<std::string>(&received)) {
-      if (auto json = parse(*message)) return json;
+      if (auto json = parse(*message)) {
+        follow(*json);
+        return json;
+      }
       continue;
     }
     if (!std::holds_alternative<NoMessage>(received)) return std::nullopt;
@@ -89,6 +101,13 @@ std::optional<nlohmann::json> ServerConnection::receive(MonotonicTime deadline) 
     static_cast<void>(::poll(&wait, 1, static_cast<int>(left)));
   }
   return std::nullopt;
+}
+
+void ServerConnection::follow(const nlohmann::json& message) {
+  const std::string type = text(message, "type");
+  if (type == "packet" && message.contains("id") && message["id"].is_number_integer())
+    seen_ = std::max(seen_, message["id"].get<std::int64_t>());
+  if (type == "cop" && message.contains("phase")) ad_wanted_ = message["phase"] != AdPhase::off;
 }
 
 void ServerConnection::lose(MonotonicTime now) {
@@ -112,7 +131,10 @@ std::vector<nlohmann::json> ServerConnection::take_messages() {
       lose(monotonic_now());
       break;
     }
-    if (auto json = parse(*message)) messages.push_back(std::move(*json));
+    if (auto json = parse(*message)) {
+      follow(*json);
+      messages.push_back(std::move(*json));
+    }
   }
   return messages;
 }
@@ -163,6 +185,10 @@ std::optional<MonotonicTime> ServerConnection::next_seek() const {
 
 ServedLink::ServedLink(ServerConnection connection, bool files)
     : connection_(std::move(connection)), files_(files) {
+  take_welcome();
+}
+
+void ServedLink::take_welcome() {
   const nlohmann::json& welcome = connection_.welcome();
   try {
     take_state(welcome);
@@ -184,14 +210,20 @@ std::string ServedLink::new_token() {
   return fmt::format("{}-{}", token_, tokens_++);
 }
 
+Result<nlohmann::json, ServerConnection::Failure> ServedLink::call(nlohmann::json message) {
+  auto reply = connection_.call(std::move(message));
+  resume_with_server();  // before anything of the reply counts
+  return reply;
+}
+
 /// A call that may be repeated when the server ended: the next one knows by the token whether it was done.
 Result<nlohmann::json, ServerConnection::Failure> ServedLink::call_once(const nlohmann::json& message) {
   constexpr int servers_max = 5;
-  auto reply = connection_.call(message);
+  auto reply = call(message);
   for (int servers = 1; servers < servers_max && !reply; ++servers) {
     if (reply.error().error != ServerConnection::CallError::unknown) break;
     if (!connection_.welcome().value("archive", false)) break;
-    reply = connection_.call(message);
+    reply = call(message);
   }
   return reply;
 }
@@ -218,13 +250,13 @@ Result<TelecommandPacket, std::string> ServedLink::make_packet(const Telecommand
   message["type"] = "packet";
   message["arguments"] = order.arguments;
   message["token"] = new_token();
-  const auto reply = connection_.call(std::move(message));
+  const auto reply = call(std::move(message));
   if (!reply) return Err(reply.error().text);
   return TelecommandPacket{serve::request_of(reply->at("request")), serve::octets_of(reply->at("packet"))};
 }
 
 Result<void, std::string> ServedLink::order_ad(nlohmann::json message) {
-  const auto reply = connection_.call(std::move(message));
+  const auto reply = call(std::move(message));
   if (!reply) return Err(reply.error().text);
   return take_messages();
 }
@@ -234,7 +266,7 @@ void ServedLink::stop_ad() {
 }
 
 void ServedLink::select_keys(suite::AssociationSet set, const std::string& why) {
-  const auto reply = connection_.call({{"type", "select_keys"}, {"keys", to_text(set)}, {"why", why}});
+  const auto reply = call({{"type", "select_keys"}, {"keys", to_text(set)}, {"why", why}});
   if (!reply) report_problem(reply.error().text);
 }
 
@@ -242,8 +274,7 @@ Result<cfdp::TransactionId, std::string> ServedLink::put(const std::filesystem::
                                                          const std::string& name, bool resume) {
   std::error_code error;
   const auto absolute = std::filesystem::absolute(file, error);
-  const auto reply =
-      connection_.call({{"type", "put"}, {"file", absolute.string()}, {"name", name}, {"resume", resume}});
+  const auto reply = call({{"type", "put"}, {"file", absolute.string()}, {"name", name}, {"resume", resume}});
   if (!reply) return Err(reply.error().text);
   transfers_ = serve::transfers_of(reply->at("transfers"));
   const auto id = parse_transaction(reply->at("id").get<std::string>());
@@ -255,7 +286,7 @@ bool ServedLink::order_transfer(cfdp::TransactionId id, TransferOrder order) {
   const char* const type = order == TransferOrder::suspend  ? "suspend"
                            : order == TransferOrder::resume ? "resume"
                                                             : "cancel";
-  const auto reply = connection_.call({{"type", type}, {"id", to_text(id)}});
+  const auto reply = call({{"type", type}, {"id", to_text(id)}});
   if (!reply) {
     report_problem(reply.error().text);
     return true;  // whether there is such a transfer is not known
@@ -283,14 +314,11 @@ Result<void, std::string> ServedLink::take_messages() {
 
 Result<void, std::string> ServedLink::take(const nlohmann::json& message) {
   const auto type = message.at("type").get<std::string>();
-  if (type == "packet") {
-    connection_.set_seen(message.value("id", std::int64_t{0}));
-    if (output_.packet) output_.packet(serve::packet_of(message));
-  }
+  if (type == "packet" && output_.packet) output_.packet(serve::packet_of(message));
   if (type == "state") take_state(message);
   if (type == "cop") take_cop(serve::cop_of(message));
   if (type == "transfers") transfers_ = serve::transfers_of(message.at("transfers"));
-  if (type == "file" && output_.file) output_.file(serve::news_of(message));
+  if (type == "file") take_file(serve::news_of(message));
   if (type == "problem") report_problem(message.at("message").get<std::string>());
   if (type == "keys" && output_.keys) {
     const auto set = key_set_of(message.at("keys").get<std::string>());
@@ -299,11 +327,23 @@ Result<void, std::string> ServedLink::take(const nlohmann::json& message) {
   if (type == "ad") {
     const auto number = message.at("number").get<std::uint64_t>();
     const AdProgress progress = serve::ad_progress_of(message);
-    if (progress != AdProgress::transmitted) in_ad_.erase(number);
+    if (progress != AdProgress::transmitted) {
+      in_ad_.erase(number);
+      orphans_.erase(number);
+    }
     if (output_.ad) output_.ad(number, progress);
   }
   if (type == "line_closed") return Err(message.at("message").get<std::string>());
   return {};
+}
+
+void ServedLink::take_file(const cfdp::News& news) {
+  if (news.event.kind == cfdp::EventKind::finished) {
+    const auto is_it = [&news](const cfdp::Report& report) { return report.id == news.event.id; };
+    std::erase_if(transfers_, is_it);
+    std::erase_if(ended_, is_it);
+  }
+  if (output_.file) output_.file(news);
 }
 
 void ServedLink::take_state(const nlohmann::json& message) {
@@ -325,24 +365,50 @@ Result<void, std::string> ServedLink::on_time() {
     if (const auto taken = take_messages(); !taken) return taken;
   }
   if (const auto sought = connection_.seek(monotonic_now()); !sought) return sought;
-  if (connection_.take_found()) resume_with_server();
-  for (const std::uint64_t number : std::exchange(orphans_, {})) {
-    if (output_.ad) output_.ad(number, AdProgress::unknown);
-  }
+  resume_with_server();
+  tell_resumed();
   return {};
 }
 
-/// The telecommands in the hands of its AD service went with the server that ended.
 void ServedLink::resume_with_server() {
-  if (output_.note) output_.note("the server ended; connected to the next one");
+  if (!connection_.take_found()) return;
+  resumed_ = true;
   orphans_.merge(in_ad_);
-  if (cop_.phase == AdPhase::off) return;
-  cop_ = {};
-  if (const auto started = start_ad(); !started) report_problem(started.error());
+  const auto transfers = std::exchange(transfers_, {});
+  const nlohmann::json cop = serve::to_message(cop_);
+  take_welcome();
+  cop_changed_ = cop_changed_ || serve::to_message(cop_) != cop;
+  if (files_) end_transfers(transfers);
+}
+
+void ServedLink::end_transfers(const std::vector<cfdp::Report>& before) {
+  for (const cfdp::Report& report : before) {
+    const bool goes_on = std::any_of(transfers_.begin(), transfers_.end(),
+                                     [&report](const auto& known) { return known.id == report.id; });
+    if (!goes_on) ended_.push_back(report);
+  }
+}
+
+/// After the last messages of the server that ended: telecommands in the hands of its AD service went with
+/// it, and a file that is no longer under way ended without a witness.
+void ServedLink::tell_resumed() {
+  if (std::exchange(resumed_, false) && output_.note)
+    output_.note("the server ended; connected to the next one");
+  if (std::exchange(cop_changed_, false) && output_.cop) output_.cop(cop_);
+  for (const std::uint64_t number : std::exchange(orphans_, {})) {
+    if (output_.ad) output_.ad(number, AdProgress::unknown);
+  }
+  for (const cfdp::Report& report : std::exchange(ended_, {})) {
+    cfdp::News news{.event = {.kind = cfdp::EventKind::finished, .id = report.id, .role = report.role},
+                    .file = report};
+    news.event.outcome.incomplete = true;
+    news.event.outcome.file_status = wire::CfdpFileStatus::unreported;
+    if (output_.file) output_.file(news);
+  }
 }
 
 std::optional<MonotonicTime> ServedLink::next_deadline() const {
-  if (connection_.has_pending() || !orphans_.empty()) return monotonic_now();
+  if (connection_.has_pending() || resumed_ || !orphans_.empty() || !ended_.empty()) return monotonic_now();
   return connection_.next_seek();
 }
 

@@ -59,11 +59,8 @@ class ServerConnection {
   [[nodiscard]] Result<void, std::string> seek(MonotonicTime now);
   /// When seek() has something to do. nullopt: there is a server.
   [[nodiscard]] std::optional<MonotonicTime> next_seek() const;
-  /// Packets after this one are asked for when another server is found.
-  void set_seen(std::int64_t packet) {
-    if (packet > seen_) seen_ = packet;
-  }
-  /// Another server was found since the last call.
+  /// Another server was found since the last call: welcome() is its own. Packets after those that have come
+  /// are asked for, and the AD service is on again if it was.
   [[nodiscard]] bool take_found() { return std::exchange(found_, false); }
 
  private:
@@ -72,6 +69,8 @@ class ServerConnection {
   /// @return false: no server. The error: it refuses this client
   [[nodiscard]] Result<bool, std::string> connect();
   [[nodiscard]] std::optional<nlohmann::json> receive(MonotonicTime deadline);
+  /// What the next server is to know of a message that came.
+  void follow(const nlohmann::json& message);
   void lose(MonotonicTime now);
 
   std::filesystem::path path_;
@@ -83,7 +82,8 @@ class ServerConnection {
   MonotonicTime lost_;
   MonotonicTime next_seek_;
   bool found_ = false;
-  std::int64_t seen_ = 0;  ///< 0: none
+  std::int64_t seen_ = 0;   ///< the last packet; 0: none
+  bool ad_wanted_ = false;  ///< the AD service is on for this client
 };
 
 /// The link of a client of `srfs-ground serve`.
@@ -123,9 +123,17 @@ class ServedLink final : public StationLink {
   /// @return an error when the line was closed
   [[nodiscard]] Result<void, std::string> take_messages();
   [[nodiscard]] Result<void, std::string> take(const nlohmann::json& message);
+  void take_welcome();
+  void take_file(const cfdp::News& news);
   void take_state(const nlohmann::json& message);
   void take_cop(const CopReport& report);
+  /// Makes a call; all that is made go this way.
+  [[nodiscard]] Result<nlohmann::json, ServerConnection::Failure> call(nlohmann::json message);
+  /// If another server was found: what this one knows counts from now on. Reports nothing yet.
   void resume_with_server();
+  /// Reports what went with the server before.
+  void tell_resumed();
+  void end_transfers(const std::vector<cfdp::Report>& before);
   [[nodiscard]] std::string new_token();
   [[nodiscard]] Result<nlohmann::json, ServerConnection::Failure> call_once(const nlohmann::json& message);
 
@@ -140,6 +148,9 @@ class ServedLink final : public StationLink {
   std::vector<cfdp::Report> transfers_;
   std::set<std::uint64_t> in_ad_;    ///< numbers in the hands of the AD service
   std::set<std::uint64_t> orphans_;  ///< of them those that went with a server that ended
+  std::vector<cfdp::Report> ended_;  ///< transfers that the next server does not know
+  bool resumed_ = false;             ///< with another server, which is not told yet
+  bool cop_changed_ = false;         ///< by that
   std::string token_;                ///< of this client, for the tokens of its telecommands
   std::uint64_t tokens_ = 0;
 };

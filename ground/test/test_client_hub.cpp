@@ -249,6 +249,22 @@ TEST_F(Hub, KeepsTheAdServiceOnWhileAClientUsesIt) {
   EXPECT_EQ(link_.report.phase, AdPhase::off);
 }
 
+TEST_F(Hub, GivesTheAdServiceToAClientThatHadItOfTheServerBefore) {
+  const auto id = hub_.on_connect("pid 1 of user 1000");
+  ASSERT_TRUE(id);
+  say(*id, {{"type", "hello"},
+            {"protocol", serve::protocol},
+            {"verb", "script"},
+            {"files", false},
+            {"octets", false},
+            {"ad", true}});
+
+  const auto welcome = next(*id);
+  ASSERT_EQ(welcome["type"], "welcome") << "before all else";
+  EXPECT_EQ(serve::cop_of(welcome["cop"]).phase, AdPhase::on);
+  EXPECT_TRUE(send(*id, 1, true).contains("request"));
+}
+
 TEST_F(Hub, ShowsTheAdServiceOnlyToItsUsers) {
   const ClientId user = client();
   const ClientId other = client();
