@@ -92,10 +92,12 @@ ClientHub::ClientHub(StationLink& link, Hooks hooks) : link_(link), hooks_(std::
                     .note = [this](const auto& text) { hooks_.log(text); }});
 }
 
-std::optional<ClientHub::ClientId> ClientHub::on_connect(const std::string& who) {
+Result<ClientHub::ClientId, std::string> ClientHub::on_connect(const std::string& who) {
   if (clients_.size() >= clients_max) {
     hooks_.log(fmt::format("{} was refused: there are {} clients already", who, clients_max));
-    return std::nullopt;
+    return Err(serve::text_of(
+        {{"type", "refused"},
+         {"message", fmt::format("the server has {} clients already; end one of them", clients_max)}}));
   }
   const ClientId id = next_client_++;
   clients_[id].who = who;
@@ -268,8 +270,12 @@ nlohmann::json ClientHub::order_ad(Client& client, const std::string& type, cons
                               : link_.set_vr(message.at("vr").get<std::uint8_t>());
   }
   // Where the service is now comes before the reply.
+  const CopReport report = link_.cop();
   client.told_cop.clear();
-  tell_cop(client, client.uses_ad ? link_.cop() : without_service(link_.cop()));
+  tell_cop(client, client.uses_ad ? report : without_service(report));
+  // It ended at once; to this client it says so in the reply.
+  if (done && type != "stop_ad" && report.phase == AdPhase::off)
+    return refusal(report.problem.empty() ? "the AD service did not start" : report.problem);
   return outcome(done);
 }
 
@@ -349,7 +355,17 @@ nlohmann::json ClientHub::state() const {
   return state;
 }
 
+void ClientHub::close_silent(MonotonicTime now) {
+  for (auto& [id, client] : clients_) {
+    if (client.greeted || client.closing) continue;
+    if (!client.hello_deadline) client.hello_deadline = now + hello_patience;
+    if (now >= *client.hello_deadline)
+      close(client, fmt::format("said nothing for {} s", hello_patience / seconds(1)));
+  }
+}
+
 void ClientHub::on_time(MonotonicTime now) {
+  close_silent(now);
   if (now < next_state_) return;
   next_state_ = now + state_period;
   const nlohmann::json changed = state();

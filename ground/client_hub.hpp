@@ -29,6 +29,7 @@ class ClientHub {
   using ClientId = std::uint64_t;
   static constexpr std::size_t clients_max = 64;
   static constexpr std::size_t queue_octets_max = 8U << 20;  ///< of one client
+  static constexpr milliseconds hello_patience{5000};        ///< for the first message of a client
   static constexpr milliseconds state_period{250};           ///< of counters and transfers, when they changed
 
   /// What the server remembers. Functions that are not set: it remembers nothing.
@@ -55,8 +56,8 @@ class ClientHub {
   ClientHub(StationLink& link, Hooks hooks);
 
   /// @param who  for people: "pid 12 of user 1000"
-  /// @return nullopt: there are clients_max already
-  [[nodiscard]] std::optional<ClientId> on_connect(const std::string& who);
+  /// @return an error when there are clients_max already: the message that tells it the one who is refused
+  [[nodiscard]] Result<ClientId, std::string> on_connect(const std::string& who);
   void on_message(ClientId client, std::string_view text);
   void on_disconnect(ClientId client);
   /// The line was closed, for whatever reason; each client is told.
@@ -78,6 +79,7 @@ class ClientHub {
     std::string who;
     std::string verb = "?";
     bool greeted = false;
+    std::optional<MonotonicTime> hello_deadline = {};
     bool wants_files = false;
     bool wants_octets = false;  ///< instead of packets
     bool uses_ad = false;
@@ -113,6 +115,7 @@ class ClientHub {
   void queue(Client& client, const Message& message);
   void queue(Client& client, const nlohmann::json& message);
   void close(Client& client, const std::string& why);
+  void close_silent(MonotonicTime now);
   [[nodiscard]] nlohmann::json state() const;
 
   StationLink& link_;

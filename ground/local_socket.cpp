@@ -102,7 +102,8 @@ std::variant<std::string, NoMessage, Closed, TooLong> receive_message(int socket
   ssize_t size = 0;
   do {
     size = ::recv(socket, nullptr, 0, MSG_DONTWAIT | MSG_PEEK | MSG_TRUNC);
-  } while (size < 0 && errno == EINTR);
+    // ECONNRESET comes once, before what was sent ahead of the close: a refusal, for instance.
+  } while (size < 0 && (errno == EINTR || errno == ECONNRESET));
   if (size < 0 && errno == EAGAIN) return NoMessage{};
   if (size <= 0) return Closed{};
   if (static_cast<std::size_t>(size) > octets_max) return TooLong{};

@@ -69,14 +69,17 @@ Result<bool, std::string> ServerConnection::connect() {
   if (seen_ != 0) hello["after"] = seen_;
   if (ad_wanted_) hello["ad"] = true;
   const MonotonicTime deadline = monotonic_now() + reply_patience;
-  if (send_message(socket_.get(), serve::text_of(hello)) == SendResult::sent) {
-    if (auto welcome = receive(deadline)) {
-      if ((*welcome)["type"] == "refused") return Err(text(*welcome, "message"));
-      welcome_ = std::move(*welcome);
-      if (welcome_.contains("cop")) follow(welcome_["cop"]);
-      std::erase_if(pending_, is_state);
-      return true;
+  // A server that refuses says so, and may have closed before the hello.
+  static_cast<void>(send_message(socket_.get(), serve::text_of(hello)));
+  if (auto welcome = receive(deadline)) {
+    if ((*welcome)["type"] == "refused") {
+      socket_.reset();
+      return Err(text(*welcome, "message"));
     }
+    welcome_ = std::move(*welcome);
+    if (welcome_.contains("cop")) follow(welcome_["cop"]);
+    std::erase_if(pending_, is_state);
+    return true;
   }
   socket_.reset();
   if (monotonic_now() >= deadline)

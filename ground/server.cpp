@@ -154,7 +154,11 @@ void Server::accept_clients(ClientHub& hub) {
       continue;
     }
     const auto client = hub.on_connect(fmt::format("pid {} of user {}", peer->pid, peer->uid));
-    if (client) sockets_[*client] = std::move(socket);
+    if (client) {
+      sockets_[*client] = std::move(socket);
+    } else {
+      static_cast<void>(send_message(socket.get(), client.error()));
+    }
   }
 }
 

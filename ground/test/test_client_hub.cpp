@@ -24,6 +24,7 @@ class FakeLink final : public StationLink {
   std::vector<Sent> sent;
   CopReport report;
   std::string sending_fails;
+  std::string ad_fails;
 
   Result<wire::RequestId, std::string> send(const TelecommandOrder& order) override {
     if (!sending_fails.empty()) return Err(sending_fails);
@@ -35,7 +36,12 @@ class FakeLink final : public StationLink {
   }
   void settle() override {}
   Result<void, std::string> start_ad() override {
-    if (report.phase == AdPhase::off) enter(AdPhase::on);
+    if (!ad_fails.empty()) {
+      report.problem = ad_fails;
+      enter(AdPhase::off);
+    } else if (report.phase == AdPhase::off) {
+      enter(AdPhase::on);
+    }
     return {};
   }
   void stop_ad() override { enter(AdPhase::off); }
@@ -228,9 +234,36 @@ TEST_F(Hub, RefusesAClientOfAnotherProtocol) {
 
 TEST_F(Hub, HasABoundForItsClients) {
   for (std::size_t i = 0; i < ClientHub::clients_max; ++i) client();
-  EXPECT_FALSE(hub_.on_connect("pid 2 of user 1000"));
+  const auto refused = hub_.on_connect("pid 2 of user 1000");
+  ASSERT_FALSE(refused);
+  EXPECT_EQ(nlohmann::json::parse(refused.error())["type"], "refused");
   hub_.on_disconnect(1);
   EXPECT_TRUE(hub_.on_connect("pid 2 of user 1000"));
+}
+
+TEST_F(Hub, ClientThatSaysNothingDoesNotKeepItsPlace) {
+  const ClientId greeted = client();
+  const auto silent = hub_.on_connect("pid 2 of user 1000");
+  ASSERT_TRUE(silent);
+  MonotonicTime now(seconds(100));
+  hub_.on_time(now);
+  hub_.on_time(now += ClientHub::hello_patience - milliseconds(1));
+  EXPECT_TRUE(hub_.take_closing().empty());
+
+  hub_.on_time(now += milliseconds(1));
+
+  EXPECT_EQ(hub_.take_closing(), std::vector<ClientId>{*silent});
+  drop_closing();
+  EXPECT_TRUE(send(greeted, 1, false).contains("request")) << "it may be silent as long as it likes";
+}
+
+TEST_F(Hub, TellsWhyTheAdServiceDidNotStart) {
+  const ClientId id = client();
+  link_.ad_fails = "the line is closed";
+  EXPECT_EQ(order(id, "start_ad").value("error", ""), "the line is closed");
+  EXPECT_FALSE(order(id, "stop_ad").contains("error"));
+  link_.ad_fails.clear();
+  EXPECT_FALSE(order(id, "start_ad").contains("error"));
 }
 
 TEST_F(Hub, KeepsTheAdServiceOnWhileAClientUsesIt) {

@@ -237,5 +237,25 @@ TEST_F(Served, AdServiceThatEndedIsNotStartedByTheNextServer) {
   EXPECT_EQ(hellos_with_ad, 0);
 }
 
+TEST(ServerConnection, HearsARefusalOfAServerThatClosedAtOnce) {
+  const VarFolder var;
+  const auto socket = var.path() / "serve.sock";
+  const Fd listener = *listen_at(socket);
+  std::thread server([&] {
+    pollfd wait{listener.get(), POLLIN, 0};
+    static_cast<void>(::poll(&wait, 1, 60'000));
+    const Fd client = accept_from(listener.get());
+    wait = {client.get(), POLLIN, 0};
+    static_cast<void>(::poll(&wait, 1, 60'000));  // the hello is there, and never read
+    static_cast<void>(send_message(client.get(), R"({"type":"refused","message":"full"})"));
+  });
+
+  const auto connection = ServerConnection::open(socket, {.verb = "tc"});
+  server.join();
+
+  ASSERT_FALSE(connection);
+  EXPECT_EQ(connection.error(), "full");
+}
+
 }  // namespace
 }  // namespace srfs::ground
