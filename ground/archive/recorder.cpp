@@ -16,17 +16,17 @@ constexpr seconds minute{60};
 constexpr milliseconds fill_period{500};
 constexpr seconds gap_settles{60};
 constexpr std::uint8_t housekeeping = 3;
-constexpr std::uint8_t housekeeping_report = 25;
 
 UtcTime begin_of(std::int64_t minute_number) {
   return UtcTime(minute_number * nanoseconds(minute));
 }
 
+/// Of service 3 only reports have a structure; without a subtype an index alone answers count().
 PacketFilter housekeeping_of(std::uint16_t structure, const Period& period) {
   return {.period = period,
           .apid = {},
           .service = housekeeping,
-          .subtype = housekeeping_report,
+          .subtype = {},
           .structure = structure,
           .after_id = {}};
 }

@@ -252,6 +252,22 @@ TEST_F(ArchiveFile, MakesMinutesThatAgreeWithTheRawValues) {
   EXPECT_FALSE(history(archive(), dictionary(), "nothing.of_this", all, 2));
 }
 
+TEST_F(ArchiveFile, HistoryIsOfHousekeepingReportsAlone) {
+  put(timing(0, start, 7));
+  auto other = timing(1, start + seconds(1), 9);
+  other.packet.subtype = 10;  // the structure of a report, with the same number in front
+  other.raw = wire::make_tm_packet(other.packet);
+  put(other);
+  recorder_->commit();
+
+  const auto points = history(archive(), dictionary(), "timing.pulses_seen", {start, start + seconds(60)}, 1);
+
+  ASSERT_TRUE(points) << points.error();
+  ASSERT_EQ(points->size(), 1U);
+  EXPECT_EQ(points->front().time, start) << "as it came: there is one alone";
+  EXPECT_EQ(points->front().values.max, 7);
+}
+
 TEST_F(ArchiveFile, MakesAMinuteAgainWhenAPacketOfItIsRetrieved) {
   put(timing(1, start, 10));
   recorder_->commit();
