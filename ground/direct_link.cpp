@@ -31,7 +31,11 @@ void DirectLink::replace_port(Port port) {
 }
 
 Result<void, std::string> DirectLink::write(OctetView octets) {
-  return port_.write(octets, write_patience);
+  return write_line(octets);
+}
+
+Result<void, std::string> DirectLink::write_line(OctetView octets) {
+  return queues_ ? port_.queue(octets, monotonic_now()) : port_.write(octets, write_patience);
 }
 
 Result<wire::RequestId, std::string> DirectLink::send(const TelecommandOrder& order) {
@@ -46,8 +50,7 @@ Result<wire::RequestId, std::string> DirectLink::send(const TelecommandOrder& or
   const auto telecommand = uplink_.make(order.command, order.keys);
   if (!telecommand) return Err(telecommand.error());
   if (made_) made_(order, telecommand->request, false);
-  if (const auto written = port_.write(telecommand->cltu, write_patience); !written)
-    return Err(written.error());
+  if (const auto written = write_line(telecommand->cltu); !written) return Err(written.error());
   return telecommand->request;
 }
 
@@ -114,7 +117,7 @@ void DirectLink::transmit_ad(const AdSignal& signal) {
   bool written = false;
   if (!cltu) {
     report_problem(cltu.error());
-  } else if (const auto put = port_.write(*cltu, write_patience); !put) {
+  } else if (const auto put = write_line(*cltu); !put) {
     report_problem(put.error());
   } else {
     written = true;
@@ -208,7 +211,8 @@ bool DirectLink::order_transfer(cfdp::TransactionId id, TransferOrder order) {
 void DirectLink::move_files(MonotonicTime now) {
   if (!files_) return;
   const std::size_t octets_max = uplink_.packet_octets_max() - wire::packet_header_octets;
-  while (line_free_at_ <= now + line_ahead) {
+  // Behind a line that stalls telecommands alone wait.
+  while (line_free_at_ <= now + line_ahead && !port_.has_waiting()) {
     const auto pdu = files_->next_pdu(octets_max, now);
     if (!pdu || !send_pdu(*pdu)) break;
   }
@@ -225,8 +229,7 @@ bool DirectLink::send_pdu(OctetView pdu) {
                                                   pdu);
   file_sequence_count_ = static_cast<std::uint16_t>((file_sequence_count_ + 1) & 0x3FFF);
   const auto cltu = uplink_.make_file_cltu(packet);
-  const auto written =
-      cltu ? port_.write(*cltu, write_patience) : Result<void, std::string>(Err(cltu.error()));
+  const auto written = cltu ? write_line(*cltu) : Result<void, std::string>(Err(cltu.error()));
   const MonotonicTime now = monotonic_now();
   // The PDU is lost, as on the line; not at once the next one too.
   if (!written) {
@@ -241,6 +244,7 @@ bool DirectLink::send_pdu(OctetView pdu) {
 
 Result<void, std::string> DirectLink::on_time() {
   const MonotonicTime now = monotonic_now();
+  if (const auto flushed = port_.flush(now); !flushed) report_problem(flushed.error());
   ad_.on_time(now);
   handle_ad();
   move_files(now);
@@ -249,7 +253,7 @@ Result<void, std::string> DirectLink::on_time() {
 
 std::optional<MonotonicTime> DirectLink::next_deadline() const {
   auto deadline = ad_.deadline();
-  if (files_) {
+  if (files_ && !port_.has_waiting()) {
     if (const auto due = files_->entity().next_due(monotonic_now())) {
       const MonotonicTime at = std::max(*due, line_free_at_ - line_ahead);
       if (!deadline || at < *deadline) deadline = at;

@@ -30,8 +30,12 @@ class DirectLink final : public StationLink {
   /// Each telecommand, before it is written or handed to the AD service; of make_packet() with scheduled.
   using Made = std::function<void(const TelecommandOrder&, const wire::RequestId&, bool scheduled)>;
   void set_made_output(Made made) { made_ = std::move(made); }
-  /// Octets for the line as they are. Blocks until they are written.
+  /// Octets for the line as they are.
   [[nodiscard]] Result<void, std::string> write(OctetView octets);
+  /// From now on nothing waits for the line: see Port::queue(). What waits is written in on_time(), when the
+  /// line takes it.
+  void queue_for_line() { queues_ = true; }
+  [[nodiscard]] bool has_waiting() const { return port_.has_waiting(); }
   /// The line was closed and is there again.
   void replace_port(Port port);
   [[nodiscard]] suite::AssociationSet key_set() const { return uplink_.key_set(); }
@@ -61,6 +65,7 @@ class DirectLink final : public StationLink {
   [[nodiscard]] std::uint64_t telecommands_sent() const override { return uplink_.sent(); }
 
  private:
+  [[nodiscard]] Result<void, std::string> write_line(OctetView octets);
   void handle_ad();
   void transmit_ad(const AdSignal& signal);
   void on_packet(const ReceivedPacket& received);
@@ -72,6 +77,7 @@ class DirectLink final : public StationLink {
   Fd state_lock_;  // released when all else has ended
   const mission::Dictionary& dictionary_;
   Port port_;
+  bool queues_ = false;
   Downlink downlink_;
   Uplink uplink_;
   AdService ad_;

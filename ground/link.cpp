@@ -45,6 +45,10 @@ Result<void, std::string> make_raw(int fd, const std::string& path, int baud) {
   return {};
 }
 
+std::string closed_text(const std::filesystem::path& path) {
+  return fmt::format("{} is closed; the server opens it again when it is there", path.string());
+}
+
 }  // namespace
 
 Result<Port, std::string> Port::open(const std::filesystem::path& path, int baud) {
@@ -75,9 +79,44 @@ Result<Octets, std::string> Port::read() {
   return octets;
 }
 
+Result<void, std::string> Port::queue(OctetView octets, MonotonicTime now) {
+  if (!fd_) return Err(closed_text(path_));
+  if (waiting_.size() + octets.size() > waiting_octets_max)
+    return Err(fmt::format("{}: {} octets wait for the line already", path_.string(), waiting_.size()));
+  if (waiting_.empty()) waiting_since_ = now;
+  waiting_.insert(waiting_.end(), octets.begin(), octets.end());
+  if (auto flushed = flush(now); !flushed) return flushed;
+  if (!stalled_) return {};
+  waiting_.clear();  // these octets alone: when the line stalled, all before was discarded
+  return Err(fmt::format("{}: the spacecraft accepts no octets", path_.string()));
+}
+
+Result<void, std::string> Port::flush(MonotonicTime now) {
+  const auto discard = [this](std::string why) {
+    waiting_.clear();
+    return Err(std::move(why));
+  };
+  while (!waiting_.empty()) {
+    const ssize_t put = ::write(fd_.get(), waiting_.data(), waiting_.size());
+    if (put > 0) {
+      waiting_.erase(waiting_.begin(), waiting_.begin() + put);
+      waiting_since_ = now;
+      stalled_ = false;
+      continue;
+    }
+    if (put < 0 && errno == EINTR) continue;
+    if (put < 0 && errno != EAGAIN)
+      return discard(fmt::format("{}: cannot write: {}", path_.string(), errno_text(errno)));
+    if (now - waiting_since_ < flush_patience) return {};
+    stalled_ = true;
+    return discard(fmt::format("{}: the spacecraft accepted no octets for {} ms; {} are discarded",
+                               path_.string(), flush_patience.count(), waiting_.size()));
+  }
+  return {};
+}
+
 Result<void, std::string> Port::write(OctetView octets, milliseconds patience) {
-  if (!fd_)
-    return Err(fmt::format("{} is closed; the server opens it again when it is there", path_.string()));
+  if (!fd_) return Err(closed_text(path_));
   const MonotonicTime deadline = monotonic_now() + patience;
   while (!octets.empty()) {
     const ssize_t put = ::write(fd_.get(), octets.data(), octets.size());

@@ -45,10 +45,23 @@ class Port final : public OctetLine {
   [[nodiscard]] Result<Octets, std::string> read() override;
   [[nodiscard]] Result<void, std::string> write(OctetView octets, milliseconds patience) override;
 
+  static constexpr std::size_t waiting_octets_max = 128U << 10;
+  static constexpr milliseconds flush_patience{5000};
+  /// Without waiting, instead of write(): what the line does not take now waits for flush(). All of it or,
+  /// with an error, nothing: when too much waits, and at once while the line is known to take nothing.
+  [[nodiscard]] Result<void, std::string> queue(OctetView octets, MonotonicTime now);
+  /// Writes what the line takes. What waits is discarded, and the error says so, when the line took nothing
+  /// for flush_patience: what was ordered then is not to go up long after.
+  [[nodiscard]] Result<void, std::string> flush(MonotonicTime now);
+  [[nodiscard]] bool has_waiting() const { return !waiting_.empty(); }
+
  private:
   Port(Fd fd, std::filesystem::path path) : fd_(std::move(fd)), path_(std::move(path)) {}
   Fd fd_;
   std::filesystem::path path_;
+  Octets waiting_;
+  MonotonicTime waiting_since_;  ///< since the line took something, while there is something
+  bool stalled_ = false;         ///< something was discarded, and nothing written since
 };
 
 }  // namespace srfs::ground

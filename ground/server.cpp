@@ -26,7 +26,6 @@ void log_of_server(const std::string& text) {
 namespace {
 
 constexpr seconds opening_period{1};
-constexpr int reads_a_turn = 32;  ///< of one client, before the others have theirs
 
 constexpr std::size_t replayed_max = 5000;  ///< packets, for a client that comes back
 
@@ -96,6 +95,7 @@ void Server::run(DirectLink& link, const OpenPort& open_port, const wire::FopSet
       recorder->on_telecommand(order, request, scheduled, system_utc_now());
     });
   }
+  link.queue_for_line();
   bool busy = false;  // aggregates are to be made, between the turns
   while (!ended_) {
     open_line(link, open_port, monotonic_now());
@@ -121,7 +121,8 @@ void Server::write_to_clients(ClientHub& hub) {
 }
 
 void Server::wait(DirectLink& link, ClientHub& hub, int signals, bool busy) {
-  std::vector<pollfd> fds{{link.fd(), POLLIN, 0}, {listener_.get(), POLLIN, 0}, {signals, POLLIN, 0}};
+  const auto of_line = static_cast<short>(link.has_waiting() ? POLLIN | POLLOUT : POLLIN);
+  std::vector<pollfd> fds{{link.fd(), of_line, 0}, {listener_.get(), POLLIN, 0}, {signals, POLLIN, 0}};
   std::vector<ClientHub::ClientId> clients;
   for (const auto& [client, socket] : sockets_) {
     const bool writes = hub.front(client) != nullptr;
@@ -132,8 +133,11 @@ void Server::wait(DirectLink& link, ClientHub& hub, int signals, bool busy) {
   if (const auto next = link.next_deadline(); next && *next < wake) wake = *next;
   const auto left = std::chrono::ceil<milliseconds>(wake - monotonic_now()).count();
   if (::poll(fds.data(), fds.size(), static_cast<int>(std::clamp<std::int64_t>(left, 0, 1000))) <= 0) return;
-  if (fds[2].revents != 0) ended_ = true;
-  if (fds[0].revents != 0) {
+  if (fds[2].revents != 0) {
+    ended_ = true;
+    return;
+  }
+  if ((fds[0].revents & ~POLLOUT) != 0) {  // on_time() writes
     if (const auto read = link.on_readable(); !read) {
       log_of_server(read.error());
       link.replace_port(Port::closed("the line"));
@@ -164,17 +168,11 @@ void Server::accept_clients(ClientHub& hub) {
 
 void Server::read_from(ClientHub& hub, ClientHub::ClientId client) {
   const int socket = sockets_.at(client).get();
-  for (int turn = 0; turn < reads_a_turn; ++turn) {
-    const auto received = receive_message(socket, serve::message_octets_max);
-    if (std::holds_alternative<NoMessage>(received)) return;
-    if (const auto* message = std::get_if<std::string>(&received)) {
-      hub.on_message(client, *message);
-      continue;
-    }
-    if (std::holds_alternative<TooLong>(received)) log_of_server("a client sent a message that is too long");
-    drop(hub, client);
-    return;
-  }
+  const auto received = receive_message(socket, serve::message_octets_max);
+  if (std::holds_alternative<NoMessage>(received)) return;
+  if (const auto* message = std::get_if<std::string>(&received)) return hub.on_message(client, *message);
+  if (std::holds_alternative<TooLong>(received)) log_of_server("a client sent a message that is too long");
+  drop(hub, client);
 }
 
 bool Server::write_to(ClientHub& hub, ClientHub::ClientId client) {

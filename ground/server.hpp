@@ -36,6 +36,7 @@ class Server {
       : socket_(std::move(socket)), lock_(std::move(lock)), listener_(std::move(listener)) {}
   void open_line(DirectLink& link, const OpenPort& open_port, MonotonicTime now);
   void accept_clients(ClientHub& hub);
+  /// One message: the line and the other clients come before the next.
   void read_from(ClientHub& hub, ClientHub::ClientId client);
   /// What the socket takes. @return false: it is closed
   [[nodiscard]] bool write_to(ClientHub& hub, ClientHub::ClientId client);

@@ -1,13 +1,18 @@
 // SPDX-FileCopyrightText: 2026 SRFS contributors
 // SPDX-License-Identifier: Apache-2.0
+#include <cstdlib>
 #include <fstream>
 
+#include <fcntl.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <poll.h>
+#include <unistd.h>
 #include <mission/structures.hpp>
 
 #include "fake_spacecraft.hpp"
 #include "ground/downlink.hpp"
+#include "ground/link.hpp"
 #include "ground/uplink.hpp"
 #include "wire/time_packet.hpp"
 
@@ -297,6 +302,89 @@ TEST(Downlink, CountsADamagedFrameAndGoesOn) {
   EXPECT_EQ(after.size(), 1U);
   EXPECT_GE(downlink.counters().bad_frames, 1U);
   EXPECT_EQ(downlink.counters().lost_frames, 1U);
+}
+
+/// A port whose other end reads only when the test says so.
+class StallingLine : public ::testing::Test {
+ protected:
+  void SetUp() override {
+    ASSERT_TRUE(far_);
+    ASSERT_EQ(::grantpt(far_.get()), 0);
+    ASSERT_EQ(::unlockpt(far_.get()), 0);
+    auto port = Port::open(::ptsname(far_.get()), 115200);
+    ASSERT_TRUE(port) << port.error();
+    port_ = std::move(*port);
+  }
+  /// Chunks of which each octet is the chunk's number, until one is refused.
+  std::string fill() {
+    for (std::size_t rounds = 0; rounds < 1000; ++rounds) {
+      const auto taken = port_.queue(Octets(chunk, static_cast<std::uint8_t>(chunks_)), now_);
+      if (!taken) return taken.error();
+      ++chunks_;
+    }
+    return "";
+  }
+  /// What is on the line now.
+  Octets read() {
+    pollfd wait{far_.get(), POLLIN, 0};
+    static_cast<void>(::poll(&wait, 1, 10));
+    Octets all;
+    Octets some(chunk);
+    for (ssize_t got = 0; (got = ::read(far_.get(), some.data(), some.size())) > 0;)
+      all.insert(all.end(), some.begin(), some.begin() + got);
+    return all;
+  }
+
+  static constexpr std::size_t chunk = 4096;
+  Fd far_{::posix_openpt(O_RDWR | O_NOCTTY | O_NONBLOCK)};
+  Port port_ = Port::closed("port");
+  MonotonicTime now_{seconds(100)};
+  std::size_t chunks_ = 0;
+};
+
+TEST_F(StallingLine, TakesABoundedNumberOfOctetsAndLosesNoneOfThem) {
+  EXPECT_THAT(fill(), HasSubstr("octets wait for the line already"));
+  ASSERT_GE(chunks_, Port::waiting_octets_max / chunk);
+
+  Octets came;
+  for (int rounds = 0; rounds < 100'000 && came.size() < chunks_ * chunk; ++rounds) {
+    const Octets more = read();
+    came.insert(came.end(), more.begin(), more.end());
+    ASSERT_TRUE(port_.flush(now_));
+  }
+
+  EXPECT_FALSE(port_.has_waiting());
+  ASSERT_EQ(came.size(), chunks_ * chunk) << "and nothing of the one that was refused";
+  for (std::size_t i = 0; i < came.size(); ++i) ASSERT_EQ(came[i], static_cast<std::uint8_t>(i / chunk));
+}
+
+TEST_F(StallingLine, DiscardsWhatIsTooOldAndRefusesUntilOctetsAreTakenAgain) {
+  fill();
+  now_ += Port::flush_patience - milliseconds(1);
+  ASSERT_TRUE(port_.flush(now_));
+  ASSERT_TRUE(port_.has_waiting());
+
+  now_ += milliseconds(1);
+  const auto flushed = port_.flush(now_);
+  ASSERT_FALSE(flushed);
+  EXPECT_THAT(flushed.error(), HasSubstr("discarded"));
+  EXPECT_FALSE(port_.has_waiting());
+  EXPECT_FALSE(port_.queue(Octets{1, 2, 3}, now_)) << "at once";
+  EXPECT_FALSE(port_.has_waiting());
+
+  bool taken = false;
+  for (int rounds = 0; rounds < 100'000 && !taken; ++rounds) {
+    read();
+    taken = port_.queue(Octets{1, 2, 3}, now_).has_value();
+  }
+  EXPECT_TRUE(taken);
+  EXPECT_TRUE(port_.queue(Octets{4}, now_));
+}
+
+TEST_F(StallingLine, ThatIsClosedTakesNothing) {
+  port_ = Port::closed("port");
+  EXPECT_FALSE(port_.queue(Octets{1}, now_));
+  EXPECT_TRUE(port_.flush(now_));
 }
 
 }  // namespace
