@@ -101,8 +101,8 @@ TtcCore::TtcCore(Setup setup)
       key_news_(std::move(setup.key_news)) {
   schedule_.set_request_check([this](OctetView packet) { return router_.check_scheduled(packet); });
   event_actions_.load(setup.event_actions, [this](OctetView packet) { return why_no_action(packet); });
-  if (setup.monitors.damaged) damaged_tables_.push_back(MonitoringService::table_name);
-  if (setup.event_actions.damaged) damaged_tables_.push_back(EventActionService::table_name);
+  if (monitoring_.is_damaged()) damaged_tables_.push_back(MonitoringService::table_name);
+  if (event_actions_.is_damaged()) damaged_tables_.push_back(EventActionService::table_name);
 }
 
 // ---- start and end
@@ -203,7 +203,9 @@ std::optional<MonotonicTime> TtcCore::next_due(MonotonicTime now) const {
   if (const auto in = schedule_.next_due_in())
     sooner(now + (*in > nanoseconds(0) ? *in : schedule_retry_period));
   sooner(event_actions_.next_due(now));
-  if (monitoring_.is_reporting()) sooner(now + schedule_retry_period);
+  sooner(monitoring_.retry_at());
+  sooner(event_actions_.retry_at());
+  if (monitoring_.is_reporting() || event_actions_.is_reporting()) sooner(now + schedule_retry_period);
   sooner(file_service_.next_due());
   sooner(imaging_.next_due(imaging_time(now)));
   sooner(files_.next_due(downlink_.room_octets(DownlinkChannel::files)));
@@ -324,6 +326,7 @@ void TtcCore::execute_passed() {
                    journal_name);
       uplink_.on_stored(uplink_.state());
     }
+    settle_action(judged);
     const std::uint64_t serial = judged.refusal_serial;
     const MonotonicTime received = judged.received;
     router_.carry_out(std::move(judged), now_);

@@ -302,7 +302,10 @@ class TtcCore {
   [[nodiscard]] HousekeepingScheduler& housekeeping() { return housekeeping_; }
   [[nodiscard]] EventReporter& events() { return events_; }
   /// The content of the dictionary was replaced.
-  void on_dictionary_changed() { monitoring_.monitoring().resolve(); }
+  void on_dictionary_changed() {
+    monitoring_.monitoring().resolve();
+    event_actions_.check_again();
+  }
   /// settle() has something to decide.
   [[nodiscard]] bool has_waiting_actions() const { return event_actions_.waiting() > 0; }
   void set_repeat_window(milliseconds window) { journal_.set_repeat_window(window); }
@@ -392,6 +395,7 @@ class TtcCore {
   void run_event_actions();
   /// @return false: no room for it now
   bool release_action(const EventActionService::Due& due);
+  void settle_action(const JudgedTelecommand& judged);
   /// A telecommand under way orders the same function, or request, with other arguments.
   void report_contradiction(const EventActionService::Due& due, const Telecommand& released);
   /// Why a telecommand cannot be an action; nullopt: it can.

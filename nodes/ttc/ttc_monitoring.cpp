@@ -33,7 +33,7 @@ void TtcCore::report_transitions() {
 void TtcCore::run_monitoring() {
   monitoring_.monitoring().on_time(clock_.tai_at(now_), now_);
   report_transitions();
-  monitoring_.go_on(downlink_.room_octets(DownlinkChannel::live));
+  monitoring_.go_on(downlink_.room_octets(DownlinkChannel::live), now_);
 }
 
 void TtcCore::send_monitoring_housekeeping(MonotonicTime now) {
@@ -46,6 +46,7 @@ void TtcCore::send_monitoring_housekeeping(MonotonicTime now) {
 // ---- event-action
 
 void TtcCore::run_event_actions() {
+  event_actions_.go_on(downlink_.room_octets(DownlinkChannel::live), now_);
   for (const auto& event : event_actions_.drop_overdue(now_)) raise(event);
   // One whose node has no room does not hold up the others.
   for (const EventActionService::Due& due : event_actions_.due(now_)) {
@@ -61,18 +62,16 @@ bool TtcCore::release_action(const EventActionService::Due& due) {
   if (!gate_.has_room() || !journal_.has_room()) return false;
   const auto sequence = static_cast<std::uint16_t>(journal_.next_id() & 0x3FFF);
   const Octets request = EventActionService::request_of(due.packet, sequence);
+  if (const auto code = why_no_action(due.packet)) {
+    event_actions_.on_forbidden(due.key, *code, now_);
+    return true;
+  }
   JudgedTelecommand judged = router_.judge(request, now_);
   if (!judged.refusal) {
     report_contradiction(due, judged.telecommand);
     const UplinkedPacket packet{.frame = {}, .packet = request, .link = uplink_.state()};
     judged.telecommand.origin.id = journal_.accept(judged.telecommand, packet, now_);
-    event_actions_.on_released(due.key, now_);
-    mission::EventActionReleasedEvent event;
-    event.event = due.key.event;
-    event.apid = due.raised_by;
-    event.telecommand = judged.telecommand.origin.id;
-    event.command = judged.telecommand.command->name;
-    raise(event);
+    event_actions_.on_accepted(due.key, judged.telecommand.origin.id, now_);
   } else if (judged.refusal->code == mission::failure::queue_full) {
     return false;
   } else {
@@ -81,6 +80,21 @@ bool TtcCore::release_action(const EventActionService::Due& due) {
   }
   gate_.enter(std::move(judged), journal_.revision(), now_);
   return true;
+}
+
+/// One whose record did not get on disk is not executed: its action waits again.
+void TtcCore::settle_action(const JudgedTelecommand& judged) {
+  if (judged.refusal) return;
+  const mission::Command& command = *judged.telecommand.command;
+  const std::uint64_t id = judged.telecommand.origin.id;
+  const auto released = event_actions_.on_passed(id, judged.durable || command.recovery);
+  if (!released) return;
+  mission::EventActionReleasedEvent event;
+  event.event = released->key.event;
+  event.apid = released->raised_by;
+  event.telecommand = id;
+  event.command = command.name;
+  raise(event);
 }
 
 void TtcCore::report_contradiction(const EventActionService::Due& due, const Telecommand& released) {
@@ -113,22 +127,28 @@ std::optional<std::uint16_t> TtcCore::why_no_action(OctetView packet) const {
       !parsed       ? nullptr
       : is_function ? dictionary_.function(parsed->apid, OctetReader(parsed->application).u16())
                     : dictionary_.request(parsed->apid, parsed->service, parsed->subtype);
-  const bool allowed = command != nullptr && !command->hazardous && !event_actions_.provides(*command);
+  if (command == nullptr || command->hazardous || event_actions_.provides(*command))
+    return mission::failure::none;
+  // Nothing on board arms, and what a packet in it does is not judged here.
+  const bool carries_packets =
+      std::any_of(command->arguments.begin(), command->arguments.end(),
+                  [](const mission::Field& argument) { return argument.type == mission::FieldType::packet; });
+  const bool allowed = command->name != mission::TtcArm::name && !carries_packets;
   return allowed ? std::nullopt : std::optional<std::uint16_t>(mission::failure::none);
 }
 
 // ---- tables that last
 
 void TtcCore::store_tables() {
-  if (auto change = monitoring_.take_change())
+  if (auto change = monitoring_.take_change(now_))
     act(WriteTable{std::string(MonitoringService::table_name), std::move(*change)});
-  if (auto change = event_actions_.take_change())
+  if (auto change = event_actions_.take_change(now_))
     act(WriteTable{std::string(EventActionService::table_name), std::move(*change)});
 }
 
 void TtcCore::on_table_written(const std::string& name, const TableChange& change, bool stored) {
-  if (name == MonitoringService::table_name) return monitoring_.on_stored(change, stored);
-  event_actions_.on_stored(change, stored);
+  if (name == MonitoringService::table_name) return monitoring_.on_stored(change, stored, now_);
+  event_actions_.on_stored(change, stored, now_);
 }
 
 void TtcCore::report_damaged_tables() {

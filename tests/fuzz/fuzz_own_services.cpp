@@ -45,14 +45,15 @@ void serve(const mission::Dictionary& dictionary, OctetView input) {
   if (command.service == 12) {
     MonitoringService monitoring(dictionary, {}, report_queue);
     monitoring.execute(telecommand, now);
-    if (const auto change = monitoring.take_change()) monitoring.on_stored(*change, true);
-    monitoring.go_on(1U << 20);
+    if (const auto change = monitoring.take_change(now)) monitoring.on_stored(*change, true, now);
+    monitoring.go_on(1U << 20, now);
     require(monitoring.monitoring().table().size() <= Monitoring::max_definitions);
   } else if (command.service == 19) {
     EventActionService actions(dictionary, report_queue);
     actions.load({}, [](OctetView) { return std::nullopt; });
     actions.execute(telecommand, now);
-    if (const auto change = actions.take_change()) actions.on_stored(*change, true);
+    if (const auto change = actions.take_change(now)) actions.on_stored(*change, true, now);
+    actions.go_on(1U << 20, now);
     actions.on_event(1, mission::event::node_error, now);
     require(actions.table().size() <= EventActionService::max_actions && actions.waiting() <= 2);
   } else if (command.service == 23) {

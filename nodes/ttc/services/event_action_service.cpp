@@ -30,7 +30,8 @@ enum Subtype : std::uint8_t {
 constexpr std::uint8_t function_flag = 1;
 constexpr std::uint8_t factory_flag = 2;
 
-constexpr milliseconds retry_period{50};  ///< what may be released and found no room
+constexpr std::size_t report_head_octets = 64;  ///< of a packet of 19,11, before the telecommand
+constexpr milliseconds room_retry_period{50};   ///< what may be released and found no room
 
 ActionKey read_key(OctetReader& reader) {
   ActionKey key;
@@ -51,6 +52,14 @@ Octets read_packet(OctetReader& reader) {
   Octets packet;
   const bool whole = mission::detail::take_packet(reader, packet, UINT16_MAX);
   return whole ? packet : Octets{};
+}
+
+mission::EventActionUnusableEvent unusable(const ActionKey& key, std::uint16_t code) {
+  mission::EventActionUnusableEvent event;
+  event.event = key.event;
+  event.apid = key.apid;
+  event.code = code;
+  return event;
 }
 
 }  // namespace
@@ -76,27 +85,39 @@ MonotonicTime ReleaseRate::ready_at(MonotonicTime now) const {
 
 void EventActionService::load(const FoundTable& found, RequestCheck check) {
   check_ = std::move(check);
-  ActionTable table;
-  if (found.table) {
-    OctetReader in(found.table->content);
-    generation_ = found.table->generation;
-    last_request_ = in.u64();
-    const std::uint8_t flags = in.u8();
-    factory_ = (flags & factory_flag) != 0;
-    enabled_ = (flags & function_flag) != 0;
-    for (std::size_t count = in.u16(); count > 0 && in.ok(); --count) {
-      const bool enabled = in.u8() != 0;
-      const ActionKey key = read_key(in);
-      Octets packet = read_packet(in);
-      if (in.ok()) table[key] = {.packet = std::move(packet), .enabled = enabled};
-    }
-  }
-  set_table(factory_ ? factory_set() : std::move(table));
+  if (!read(found)) set_table(factory_set());
+  check_again();
 }
 
-StoredTable EventActionService::stored() const {
-  OctetWriter out;
-  out.u64(last_request_);
+bool EventActionService::read_table(OctetReader& in) {
+  ActionTable table;
+  const std::uint8_t flags = in.u8();
+  for (std::size_t count = in.u16(); count > 0; --count) {
+    const bool enabled = in.u8() != 0;
+    const ActionKey key = read_key(in);
+    Octets packet = read_packet(in);
+    if (!in.ok() || packet.empty()) return false;
+    table[key] = {.packet = std::move(packet), .enabled = enabled};
+  }
+  if (!in.ok() || in.remaining() != 0 || table.size() > max_actions) return false;
+  factory_ = (flags & factory_flag) != 0;
+  enabled_ = (flags & function_flag) != 0;
+  set_table(factory_ ? factory_set() : std::move(table));
+  return true;
+}
+
+void EventActionService::check_again() {
+  std::set<ActionKey> forbidden;
+  for (const auto& [key, action] : table_) {
+    const auto code = action.enabled ? check_(action.packet) : std::nullopt;
+    if (!code) continue;
+    forbidden.insert(key);
+    if (!forbidden_.contains(key)) unusable_.push_back(unusable(key, *code));
+  }
+  forbidden_ = std::move(forbidden);
+}
+
+void EventActionService::write_table(OctetWriter& out) const {
   out.u8(static_cast<std::uint8_t>((enabled_ ? function_flag : 0) | (factory_ ? factory_flag : 0)));
   const ActionTable none;
   const ActionTable& table = factory_ ? none : table_;
@@ -107,7 +128,6 @@ StoredTable EventActionService::stored() const {
     out.u16(key.event);
     out.bytes(action.packet);
   }
-  return {.generation = generation_, .content = out.take()};
 }
 
 /// What the rules forbid is left out and said: a satellite without one of its actions is better than none.
@@ -121,11 +141,7 @@ ActionTable EventActionService::factory_set() {
     const ActionKey key = read_key(in);
     Octets packet = read_packet(in);
     if (const auto code = check_(packet)) {
-      mission::EventActionUnusableEvent event;
-      event.event = key.event;
-      event.apid = key.apid;
-      event.code = *code;
-      unusable_.push_back(event);
+      unusable_.push_back(unusable(key, *code));
     } else {
       table[key] = {.packet = std::move(packet), .enabled = true};
     }
@@ -148,29 +164,14 @@ bool EventActionService::provides(const mission::Command& command) const {
   return command.service == service_type || command.name == mission::EventActionRestore::name;
 }
 
-bool EventActionService::restore(const Telecommand& telecommand, const TelecommandProgress& progress,
-                                 MonotonicTime /*now*/) {
-  const std::uint8_t subtype = telecommand.command->subtype;
-  const bool reports =
-      subtype == Subtype::report_status_request || subtype == Subtype::report_definitions_request;
-  if (reports || telecommand.origin.id > last_request_) return false;
-  if (!progress.started) report_queue().success(telecommand.origin, Stage::start);
-  report_queue().success(telecommand.origin, Stage::completion);
-  return true;
-}
-
 void EventActionService::execute(const Telecommand& telecommand, MonotonicTime /*now*/) {
   const mission::Command& command = *telecommand.command;
   const std::uint8_t subtype =
       command.is_function() ? std::uint8_t{Subtype::restore_factory_set} : command.subtype;
   if (subtype == Subtype::report_status_request) return report_status(telecommand.origin);
   if (subtype == Subtype::report_definitions_request) return report_definitions(telecommand);
-  if (is_changing()) return fail(telecommand.origin, {mission::failure::busy, {}});
   if (const auto failure = change(subtype, telecommand.arguments)) return fail(telecommand.origin, *failure);
-  static_cast<void>(start(telecommand.origin));
-  ++generation_;
-  last_request_ = telecommand.origin.id;
-  set_change({.origin = telecommand.origin, .table = stored()});
+  on_changed(telecommand.origin);
 }
 
 std::optional<EventActionService::Failure> EventActionService::change(std::uint8_t subtype,
@@ -266,6 +267,7 @@ void EventActionService::report_status(const TelecommandOrigin& origin) {
 }
 
 void EventActionService::report_definitions(const Telecommand& telecommand) {
+  if (listing_) return fail(telecommand.origin, {mission::failure::busy, {}});
   std::vector<ActionKey> keys = keys_of(telecommand.arguments);
   for (const ActionKey& key : keys) {
     if (!table_.contains(key))
@@ -275,17 +277,33 @@ void EventActionService::report_definitions(const Telecommand& telecommand) {
     for (const auto& [key, action] : table_) keys.push_back(key);
   }
   report_queue().success(telecommand.origin, Stage::start);
-  for (const ActionKey& key : keys) {
-    const EventAction& action = table_.at(key);
+  listing_ = {.origin = telecommand.origin, .expiry = telecommand.expiry, .keys = std::move(keys), .next = 0};
+}
+
+void EventActionService::go_on(std::size_t room_octets, MonotonicTime now) {
+  if (!listing_) return;
+  for (; listing_->next < listing_->keys.size(); ++listing_->next) {
+    const ActionKey& key = listing_->keys[listing_->next];
+    const auto found = table_.find(key);
+    if (found == table_.end()) continue;  // deleted meanwhile
+    const EventAction& action = found->second;
+    const std::size_t octets = report_head_octets + action.packet.size();
+    if (room_octets < room_kept_octets + octets) {
+      if (now < listing_->expiry) return;
+      report_queue().failure(listing_->origin, Stage::completion, mission::failure::interrupted);
+      return listing_.reset();
+    }
+    room_octets -= octets;
     mission::EventActionDefinition report;
     report.actions = 1;
     report.of_apid = key.apid;
     report.event = key.event;
     report.status = action.enabled ? mission::FunctionStatus::enabled : mission::FunctionStatus::disabled;
     report.request = action.packet;
-    put(telecommand.origin, Subtype::definition_report, report.encoded());
+    put(listing_->origin, Subtype::definition_report, report.encoded());
   }
-  report_queue().success(telecommand.origin, Stage::completion);
+  report_queue().success(listing_->origin, Stage::completion);
+  listing_.reset();
 }
 
 void EventActionService::put(const TelecommandOrigin& origin, std::uint8_t subtype, Octets data) {
@@ -336,7 +354,7 @@ void EventActionService::on_known_release(const AcceptedTelecommand& known) {
 std::vector<mission::EventActionDroppedEvent> EventActionService::drop_overdue(MonotonicTime now) {
   std::vector<mission::EventActionDroppedEvent> dropped;
   std::erase_if(waiting_, [&](const Waiting& waiting) {
-    if (now - waiting.since <= nanoseconds(longest_wait)) return false;
+    if (waiting.telecommand != 0 || now - waiting.since <= nanoseconds(longest_wait)) return false;
     ++counters_.dropped;
     mission::EventActionDroppedEvent event;
     event.event = waiting.key.event;
@@ -351,6 +369,7 @@ std::vector<mission::EventActionDroppedEvent> EventActionService::drop_overdue(M
 std::vector<EventActionService::Due> EventActionService::due(MonotonicTime now) {
   std::vector<Due> due;
   for (Waiting& waiting : waiting_) {
+    if (waiting.telecommand != 0) continue;
     const bool held = released_[waiting.key].rate.ready_at(now) > now || !may_release(now);
     if (!held) {
       due.push_back({waiting.key, waiting.raised_by, table_.at(waiting.key).packet});
@@ -365,21 +384,43 @@ std::vector<EventActionService::Due> EventActionService::due(MonotonicTime now) 
   return due;
 }
 
-void EventActionService::on_released(const ActionKey& key, MonotonicTime now) {
+void EventActionService::on_accepted(const ActionKey& key, std::uint64_t telecommand, MonotonicTime now) {
+  count_rates(key, now);
+  for (Waiting& waiting : waiting_) {
+    if (waiting.key == key) waiting.telecommand = telecommand;
+  }
+}
+
+std::optional<EventActionService::Due> EventActionService::on_passed(std::uint64_t telecommand, bool runs) {
+  const auto found = std::find_if(waiting_.begin(), waiting_.end(),
+                                  [&](const Waiting& waiting) { return waiting.telecommand == telecommand; });
+  if (found == waiting_.end()) return std::nullopt;
+  if (!runs) {
+    ++counters_.refused;
+    found->telecommand = 0;
+    return std::nullopt;
+  }
+  const Due released{found->key, found->raised_by, {}};
   ++counters_.released;
-  ++released_[key].count;
-  end_waiting(key, now);
+  ++released_[found->key].count;
+  waiting_.erase(found);
+  return released;
 }
 
 void EventActionService::on_refused(const ActionKey& key, MonotonicTime now) {
   ++counters_.refused;
-  end_waiting(key, now);
+  count_rates(key, now);
+  std::erase_if(waiting_, [&](const Waiting& waiting) { return waiting.key == key; });
 }
 
-void EventActionService::end_waiting(const ActionKey& key, MonotonicTime now) {
+void EventActionService::on_forbidden(const ActionKey& key, std::uint16_t code, MonotonicTime now) {
+  if (forbidden_.insert(key).second) unusable_.push_back(unusable(key, code));
+  on_refused(key, now);
+}
+
+void EventActionService::count_rates(const ActionKey& key, MonotonicTime now) {
   released_[key].rate.take(now);
   total_.take(now);
-  std::erase_if(waiting_, [&](const Waiting& waiting) { return waiting.key == key; });
 }
 
 Octets EventActionService::request_of(OctetView packet, std::uint16_t sequence) {
@@ -393,9 +434,10 @@ Octets EventActionService::request_of(OctetView packet, std::uint16_t sequence) 
 std::optional<MonotonicTime> EventActionService::next_due(MonotonicTime now) const {
   std::optional<MonotonicTime> next;
   for (const Waiting& waiting : waiting_) {
+    if (waiting.telecommand != 0) continue;  // the gate has a deadline
     const auto known = released_.find(waiting.key);
     const MonotonicTime own = known == released_.end() ? now : known->second.rate.ready_at(now);
-    const MonotonicTime ready = std::max({own, total_.ready_at(now), now + retry_period});
+    const MonotonicTime ready = std::max({own, total_.ready_at(now), now + room_retry_period});
     const MonotonicTime at = std::min(ready, std::max(now, waiting.since + longest_wait));
     if (!next || at < *next) next = at;
   }
@@ -408,7 +450,7 @@ void EventActionService::fill(mission::TtcMonitoringHousekeeping& h) const {
   h.actions_enabled = static_cast<std::uint16_t>(
       std::count_if(table_.begin(), table_.end(), [](const auto& entry) { return entry.second.enabled; }));
   h.actions_waiting = static_cast<std::uint16_t>(waiting_.size());
-  h.action_generation = factory_ ? 0 : as_u32(generation_);
+  h.action_generation = factory_ ? 0 : as_u32(generation());
   h.released = counters_.released;
   h.merged = counters_.merged;
   h.delayed = counters_.delayed;

@@ -7,6 +7,7 @@
 #include <functional>
 #include <map>
 #include <optional>
+#include <set>
 #include <string_view>
 #include <utility>
 #include <vector>
@@ -64,7 +65,7 @@ struct EventActionCounters {
 /// An event whose action waits already adds nothing to it. An action, and all of them, are released at a
 /// bounded rate; one that has to wait is said and not lost, but for one that waits too long. Who releases it
 /// makes it durable. Pure.
-class EventActionService final : public StoredChangeService<TableChange> {
+class EventActionService final : public StoredTableService {
  public:
   static constexpr std::uint8_t service_type = 19;
   static constexpr std::string_view table_name = "event_actions";
@@ -84,16 +85,21 @@ class EventActionService final : public StoredChangeService<TableChange> {
   using RequestCheck = std::function<std::optional<std::uint16_t>(OctetView packet)>;
 
   EventActionService(const mission::Dictionary& dictionary, ReportQueue& report_queue)
-      : StoredChangeService(report_queue), dictionary_(dictionary) {}
+      : StoredTableService(report_queue), dictionary_(dictionary) {}
   /// @param found  on disk: none or damaged means the factory set
   void load(const FoundTable& found, RequestCheck check);
+
+  /// Judges the actions again: the dictionary is another one.
+  void check_again();
 
   // ---- requests
 
   [[nodiscard]] bool provides(const mission::Command& command) const override;
   void execute(const Telecommand& telecommand, MonotonicTime now) override;
-  [[nodiscard]] bool restore(const Telecommand& telecommand, const TelecommandProgress& progress,
-                             MonotonicTime now) override;
+
+  /// Goes on with a report of definitions as MonitoringService does.
+  void go_on(std::size_t room_octets, MonotonicTime now);
+  [[nodiscard]] bool is_reporting() const { return listing_.has_value(); }
 
   // ---- release
 
@@ -111,16 +117,20 @@ class EventActionService final : public StoredChangeService<TableChange> {
   [[nodiscard]] std::vector<Due> due(MonotonicTime now);
   /// By the rate of all.
   [[nodiscard]] bool may_release(MonotonicTime now) const { return total_.ready_at(now) <= now; }
-  /// It was accepted, or refused.
-  void on_released(const ActionKey& key, MonotonicTime now);
+  /// It was accepted, and waits for its record.
+  void on_accepted(const ActionKey& key, std::uint64_t telecommand, MonotonicTime now);
+  /// Its record was waited for. @param runs  it is executed; else it waits again. @return what was released
+  std::optional<Due> on_passed(std::uint64_t telecommand, bool runs);
   void on_refused(const ActionKey& key, MonotonicTime now);
+  /// The rules of now forbid it.
+  void on_forbidden(const ActionKey& key, std::uint16_t code, MonotonicTime now);
   /// The telecommand of @p packet as it is released.
   [[nodiscard]] static Octets request_of(OctetView packet, std::uint16_t sequence);
   /// An event for each action that had to wait since the last call.
   [[nodiscard]] std::vector<mission::EventActionDelayedEvent> take_delayed() {
     return std::exchange(delayed_, {});
   }
-  /// Factory actions that were left out.
+  /// Factory actions that were left out, and actions that the rules of now forbid.
   [[nodiscard]] std::vector<mission::EventActionUnusableEvent> take_unusable() {
     return std::exchange(unusable_, {});
   }
@@ -133,18 +143,26 @@ class EventActionService final : public StoredChangeService<TableChange> {
   [[nodiscard]] std::size_t waiting() const { return waiting_.size(); }
   [[nodiscard]] const EventActionCounters& counters() const { return counters_; }
   void fill(mission::TtcMonitoringHousekeeping& h) const;
-  [[nodiscard]] StoredTable stored() const;
 
  private:
+  void write_table(OctetWriter& out) const override;
+  [[nodiscard]] bool read_table(OctetReader& in) override;
   struct Failure {
     std::uint16_t code = 0;
     std::optional<std::uint16_t> parameter;
+  };
+  struct Listing {
+    TelecommandOrigin origin;
+    MonotonicTime expiry;
+    std::vector<ActionKey> keys;
+    std::size_t next = 0;
   };
   struct Waiting {
     ActionKey key;
     std::uint16_t raised_by = 0;
     MonotonicTime since;
-    bool said = false;  ///< that it has to wait
+    bool said = false;              ///< that it has to wait
+    std::uint64_t telecommand = 0;  ///< accepted, and its record is waited for
   };
   struct Released {
     ReleaseRate rate{burst, period};
@@ -159,20 +177,20 @@ class EventActionService final : public StoredChangeService<TableChange> {
   void report_definitions(const Telecommand& telecommand);
   void fail(const TelecommandOrigin& origin, const Failure& failure);
   void put(const TelecommandOrigin& origin, std::uint8_t subtype, Octets data);
-  void end_waiting(const ActionKey& key, MonotonicTime now);
+  void count_rates(const ActionKey& key, MonotonicTime now);
 
   const mission::Dictionary& dictionary_;
   RequestCheck check_;
   ActionTable table_;
   bool enabled_ = true;
   bool factory_ = true;
-  std::uint64_t generation_ = 0;
-  std::uint64_t last_request_ = 0;
+  std::optional<Listing> listing_;
   std::deque<Waiting> waiting_;             ///< each action once at most
   std::map<ActionKey, Released> released_;  ///< of the actions in the table
   ReleaseRate total_{total_burst, total_period};
   std::vector<mission::EventActionDelayedEvent> delayed_;
   std::vector<mission::EventActionUnusableEvent> unusable_;
+  std::set<ActionKey> forbidden_;  ///< of the enabled ones, as was said
   EventActionCounters counters_;
 };
 

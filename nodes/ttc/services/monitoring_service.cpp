@@ -31,8 +31,7 @@ enum Subtype : std::uint8_t {
 constexpr std::uint8_t function_flag = 1;
 constexpr std::uint8_t factory_flag = 2;
 
-constexpr std::size_t room_kept_octets = 16U << 10;  ///< of the line, for other reports
-constexpr std::size_t report_octets = 128;           ///< of one packet at most
+constexpr std::size_t report_octets = 128;  ///< of one packet at most
 
 std::vector<std::uint16_t> ids_of(OctetView arguments) {
   OctetReader reader(arguments);
@@ -60,35 +59,33 @@ Octets report_data(const Monitoring::Transition& transition) {
 
 MonitoringService::MonitoringService(const mission::Dictionary& dictionary, const FoundTable& found,
                                      ReportQueue& report_queue)
-    : StoredChangeService(report_queue), dictionary_(dictionary), monitoring_(dictionary) {
+    : StoredTableService(report_queue), dictionary_(dictionary), monitoring_(dictionary) {
   load(found);
 }
 
 // ---- table on disk
 
 void MonitoringService::load(const FoundTable& found) {
-  MonitorTable table;
-  bool enabled = true;
-  if (found.table) {
-    OctetReader in(found.table->content);
-    generation_ = found.table->generation;
-    last_request_ = in.u64();
-    const std::uint8_t flags = in.u8();
-    factory_ = (flags & factory_flag) != 0;
-    enabled = (flags & function_flag) != 0;
-    for (std::size_t count = in.u16(); count > 0 && in.ok(); --count) {
-      const bool definition_enabled = in.u8() != 0;
-      const auto what = mission::MonitorAdd::decode_one(in);
-      if (what) table[what->id] = {.what = *what, .enabled = definition_enabled};
-    }
-  }
-  monitoring_.set_table(factory_ ? factory_monitors(dictionary_) : std::move(table));
-  monitoring_.set_enabled(enabled);
+  if (!read(found)) monitoring_.set_table(factory_monitors(dictionary_));
 }
 
-StoredTable MonitoringService::stored() const {
-  OctetWriter out;
-  out.u64(last_request_);
+bool MonitoringService::read_table(OctetReader& in) {
+  MonitorTable table;
+  const std::uint8_t flags = in.u8();
+  for (std::size_t count = in.u16(); count > 0; --count) {
+    const bool enabled = in.u8() != 0;
+    const auto what = mission::MonitorAdd::decode_one(in);
+    if (!what) return false;
+    table[what->id] = {.what = *what, .enabled = enabled};
+  }
+  if (!in.ok() || in.remaining() != 0 || table.size() > Monitoring::max_definitions) return false;
+  factory_ = (flags & factory_flag) != 0;
+  monitoring_.set_table(factory_ ? factory_monitors(dictionary_) : std::move(table));
+  monitoring_.set_enabled((flags & function_flag) != 0);
+  return true;
+}
+
+void MonitoringService::write_table(OctetWriter& out) const {
   out.u8(
       static_cast<std::uint8_t>((monitoring_.enabled() ? function_flag : 0) | (factory_ ? factory_flag : 0)));
   const MonitorTable none;
@@ -98,7 +95,6 @@ StoredTable MonitoringService::stored() const {
     out.u8(definition.enabled ? 1 : 0);
     definition.what.encode(out);
   }
-  return {.generation = generation_, .content = out.take()};
 }
 
 // ---- requests
@@ -107,28 +103,14 @@ bool MonitoringService::provides(const mission::Command& command) const {
   return command.service == service_type || command.name == mission::MonitorRestore::name;
 }
 
-bool MonitoringService::restore(const Telecommand& telecommand, const TelecommandProgress& progress,
-                                MonotonicTime /*now*/) {
-  const std::uint8_t subtype = telecommand.command->subtype;
-  const bool reports = subtype == Subtype::report_definitions || subtype == Subtype::report_out_of_limits;
-  if (reports || telecommand.origin.id > last_request_) return false;
-  if (!progress.started) report_queue().success(telecommand.origin, Stage::start);
-  report_queue().success(telecommand.origin, Stage::completion);
-  return true;
-}
-
 void MonitoringService::execute(const Telecommand& telecommand, MonotonicTime /*now*/) {
   const mission::Command& command = *telecommand.command;
   const std::uint8_t subtype =
       command.is_function() ? std::uint8_t{Subtype::restore_factory_set} : command.subtype;
   if (subtype == Subtype::report_definitions || subtype == Subtype::report_out_of_limits)
     return begin_report(telecommand);
-  if (is_changing()) return fail(telecommand.origin, {mission::failure::busy, {}});
   if (const auto failure = change(subtype, telecommand.arguments)) return fail(telecommand.origin, *failure);
-  static_cast<void>(start(telecommand.origin));
-  ++generation_;
-  last_request_ = telecommand.origin.id;
-  set_change({.origin = telecommand.origin, .table = stored()});
+  on_changed(telecommand.origin);
 }
 
 std::optional<MonitoringService::Failure> MonitoringService::change(std::uint8_t subtype,
@@ -204,7 +186,11 @@ void MonitoringService::fail(const TelecommandOrigin& origin, const Failure& fai
 
 void MonitoringService::begin_report(const Telecommand& telecommand) {
   if (listing_) return fail(telecommand.origin, {mission::failure::busy, {}});
-  Listing listing{.origin = telecommand.origin, .ids = {}, .next = 0, .out_of_limits = false};
+  Listing listing{.origin = telecommand.origin,
+                  .expiry = telecommand.expiry,
+                  .ids = {},
+                  .next = 0,
+                  .out_of_limits = false};
   if (telecommand.command->subtype == Subtype::report_out_of_limits) {
     listing.out_of_limits = true;
     for (const auto& transition : monitoring_.out_of_limits()) listing.ids.push_back(transition.definition);
@@ -222,12 +208,16 @@ void MonitoringService::begin_report(const Telecommand& telecommand) {
   listing_ = std::move(listing);
 }
 
-void MonitoringService::go_on(std::size_t room_octets) {
+void MonitoringService::go_on(std::size_t room_octets, MonotonicTime now) {
   if (!listing_) return;
   const auto transitions =
       listing_->out_of_limits ? monitoring_.out_of_limits() : std::vector<Monitoring::Transition>{};
   for (; listing_->next < listing_->ids.size(); ++listing_->next) {
-    if (room_octets < room_kept_octets + report_octets) return;
+    if (room_octets < room_kept_octets + report_octets) {
+      if (now < listing_->expiry) return;
+      report_queue().failure(listing_->origin, Stage::completion, mission::failure::interrupted);
+      return listing_.reset();
+    }
     room_octets -= report_octets;
     const std::uint16_t id = listing_->ids[listing_->next];
     if (!listing_->out_of_limits) {
@@ -289,7 +279,7 @@ void MonitoringService::fill(mission::TtcMonitoringHousekeeping& h) const {
       std::count_if(table.begin(), table.end(), [](const auto& entry) { return entry.second.enabled; }));
   h.unresolved = static_cast<std::uint16_t>(monitoring_.unresolved());
   h.out_of_limits = static_cast<std::uint16_t>(monitoring_.out_of_limits_count());
-  h.table_generation = factory_ ? 0 : as_u32(generation_);
+  h.table_generation = factory_ ? 0 : as_u32(generation());
   h.checks = monitoring_.counters().checks;
   h.transitions = monitoring_.counters().transitions;
   h.unreported = unreported_;

@@ -18,7 +18,7 @@ namespace srfs {
 /// PUS service 12, on-board monitoring (ECSS-E-ST-70-41C 6.12, 8.12): its requests, the table on disk, its
 /// reports. A change holds at once as a whole, and is reported complete (1,7) when the table is on disk.
 /// Pure.
-class MonitoringService final : public StoredChangeService<TableChange> {
+class MonitoringService final : public StoredTableService {
  public:
   static constexpr std::uint8_t service_type = 12;
   static constexpr std::string_view table_name = "monitors";
@@ -34,11 +34,8 @@ class MonitoringService final : public StoredChangeService<TableChange> {
 
   [[nodiscard]] bool provides(const mission::Command& command) const override;
   void execute(const Telecommand& telecommand, MonotonicTime now) override;
-  /// One that the table on disk has was carried out.
-  [[nodiscard]] bool restore(const Telecommand& telecommand, const TelecommandProgress& progress,
-                             MonotonicTime now) override;
-  /// Goes on with a long report as the line has room.
-  void go_on(std::size_t room_octets);
+  /// Goes on with a long report as the line has room; at the request's expiry it ends as interrupted.
+  void go_on(std::size_t room_octets, MonotonicTime now);
   [[nodiscard]] bool is_reporting() const { return listing_.has_value(); }
 
   // ---- checks
@@ -51,16 +48,17 @@ class MonitoringService final : public StoredChangeService<TableChange> {
   void fill(mission::TtcMonitoringHousekeeping& h) const;
 
   [[nodiscard]] bool is_factory() const { return factory_; }
-  [[nodiscard]] std::uint64_t generation() const { return generation_; }
-  [[nodiscard]] StoredTable stored() const;
 
  private:
+  void write_table(OctetWriter& out) const override;
+  [[nodiscard]] bool read_table(OctetReader& in) override;
   struct Failure {
     std::uint16_t code = 0;
     std::optional<std::uint16_t> parameter;
   };
   struct Listing {
     TelecommandOrigin origin;
+    MonotonicTime expiry;
     std::vector<std::uint16_t> ids;
     std::size_t next = 0;
     bool out_of_limits = false;
@@ -77,8 +75,6 @@ class MonitoringService final : public StoredChangeService<TableChange> {
   const mission::Dictionary& dictionary_;
   Monitoring monitoring_;
   bool factory_ = true;  ///< the table is the factory set, whatever that is in the dictionary of now
-  std::uint64_t generation_ = 0;
-  std::uint64_t last_request_ = 0;  ///< telecommand that changed it last
   std::optional<Listing> listing_;
   std::uint32_t reports_left_ = report_burst;
   std::optional<MonotonicTime> reports_filled_;

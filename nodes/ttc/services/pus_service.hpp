@@ -64,7 +64,6 @@ class StoredChangeService : public PusService {
     return true;
   }
   void set_change(Change change) { change_ = std::move(change); }
-  [[nodiscard]] bool is_changing() const { return change_.has_value(); }
   [[nodiscard]] ReportQueue& report_queue() { return report_queue_; }
 
  private:

@@ -44,10 +44,11 @@ class EventActions : public RouterWithParts {
         .command = encoded->command,
         .arguments = Octets(data.begin() + (encoded->command->is_function() ? 2 : 0), data.end())};
     service_->execute(telecommand, now_);
-    if (auto change = service_->take_change()) {
+    if (auto change = service_->take_change(now_)) {
       disk_ = change->table;
-      service_->on_stored(*change, true);
+      service_->on_stored(*change, true, now_);
     }
+    service_->go_on(1U << 20, now_);
     reports_ = report_queue_.take();
     for (const StageReached& stage : report_queue_.take_stages()) {
       if (!stage.success) return dictionary_.failure_code(stage.failure_code)->name;
@@ -63,8 +64,8 @@ class EventActions : public RouterWithParts {
     std::size_t released = 0;
     for (const auto& due : service_->due(now_)) {
       if (!service_->may_release(now_)) continue;
-      service_->on_released(due.key, now_);
-      ++released;
+      service_->on_accepted(due.key, ++telecommand_, now_);
+      released += service_->on_passed(telecommand_, true) ? 1 : 0;
     }
     return released;
   }
@@ -73,6 +74,7 @@ class EventActions : public RouterWithParts {
   std::optional<StoredTable> disk_;
   std::vector<Report> reports_;
   std::uint64_t id_ = 0;
+  std::uint64_t telecommand_ = 1000;  ///< released last
   MonotonicTime now_{seconds(100)};
 };
 
@@ -173,6 +175,26 @@ TEST_F(EventActions, TheTableOutlivesTheProcessAndTheFactorySetComesBackByComman
   EXPECT_TRUE(service_->enabled());
 }
 
+TEST_F(EventActions, AReportOfDefinitionsWaitsForRoomAndEndsAtItsExpiry) {
+  define("eps.battery_low", "ttc.set_mode mode=safe");
+  const auto encoded = dictionary_.encode("event_action.report", {});
+  ASSERT_TRUE(encoded);
+  const Telecommand report{.origin = {.ack_flags = wire::ack::all, .id = ++id_},
+                           .command = encoded->command,
+                           .arguments = encoded->data,
+                           .expiry = now_ + seconds(60)};
+  service_->execute(report, now_);
+  service_->go_on(0, now_);
+  EXPECT_EQ(report_queue_.take().size(), 1U) << "1,3";
+  service_->go_on(1U << 20, now_);
+  EXPECT_EQ(report_queue_.take().size(), service_->table().size() + 1);
+  const std::uint32_t failed = report_queue_.counters().failed;
+  service_->execute(report, now_);
+  service_->go_on(0, report.expiry);
+  EXPECT_FALSE(service_->is_reporting());
+  EXPECT_EQ(report_queue_.counters().failed, failed + 1);
+}
+
 // ---- storms
 
 TEST_F(EventActions, AStormOfOneEventReleasesABurstThenOneEachPeriodAndSaysSoOnce) {
@@ -253,7 +275,8 @@ TEST_F(EventActions, WhateverComesTheRatesAndTheBoundsHold) {
       service_->on_event(eps, random() % 2 == 0 ? low : high, now_);
       for (const auto& due : service_->due(now_)) {
         if (!service_->may_release(now_) || random() % 3 == 0) continue;  // no room
-        service_->on_released(due.key, now_);
+        service_->on_accepted(due.key, ++telecommand_, now_);
+        EXPECT_TRUE(service_->on_passed(telecommand_, true));
         auto& times = releases[due.key];
         times.push_back(now_);
         if (times.size() <= EventActionService::burst) continue;
@@ -323,8 +346,9 @@ class ActionsInTtc : public testing::Test {
   [[nodiscard]] FoundTable table_of(const std::vector<std::pair<std::string, std::string>>& actions) const {
     if (actions.empty()) return {};
     OctetWriter out;
-    out.u64(0);
-    out.u8(1);  // the function is enabled
+    out.u8(1);   // version
+    out.u16(0);  // requests that changed it
+    out.u8(1);   // the function is enabled
     out.u16(static_cast<std::uint16_t>(actions.size()));
     for (const auto& [event, request] : actions) {
       const auto added = dictionary_.encode("event_action.add", {"event=" + event, "request=" + request});
@@ -333,6 +357,15 @@ class ActionsInTtc : public testing::Test {
       out.bytes(OctetView(added->data).subspan(2));
     }
     return {.table = StoredTable{.generation = 1, .content = out.take()}};
+  }
+  [[nodiscard]] Octets packet_of(const std::string& name, const std::vector<std::string>& arguments) const {
+    const auto encoded = dictionary_.encode(name, arguments);
+    EXPECT_TRUE(encoded) << encoded.error().message;
+    if (!encoded) return {};
+    return wire::make_tc_packet({.apid = encoded->command->apid,
+                                 .service = encoded->command->service,
+                                 .subtype = encoded->command->subtype,
+                                 .application = encoded->data});
   }
   /// A telecommand of the ground. @return events
   std::vector<std::uint16_t> send(const std::string& name, const std::vector<std::string>& arguments) {
@@ -363,7 +396,11 @@ class ActionsInTtc : public testing::Test {
           const JournalBatch& batch = journal->batch;
           if (batch.snapshot) records_ = {{.kind = journal_snapshot_kind, .payload = *batch.snapshot}};
           records_.insert(records_.end(), batch.records.begin(), batch.records.end());
-          core_->on_journal_written(batch, {}, 0, now_);
+          if (disk_works_) {
+            core_->on_journal_written(batch, {}, 0, now_);
+          } else {
+            core_->on_journal_written(batch, Err(FileError{}), 0, now_);
+          }
         }
         if (const auto* state = std::get_if<WriteState>(&action))
           core_->on_state_written(state->change, true);
@@ -398,6 +435,7 @@ class ActionsInTtc : public testing::Test {
   mission::PayloadEpsHousekeeping sample_;
   MissionMode mode_ = MissionMode::nominal;
   std::string mode_reason_;
+  bool disk_works_ = true;
   std::vector<JournalRecord> records_;  ///< of the journal on disk
   std::set<std::uint64_t> published_;   ///< ids of telecommands for other nodes
   std::uint16_t sequence_ = 0;
@@ -448,6 +486,15 @@ TEST_F(ActionsInTtc, AHazardousTelecommandAndOneThatChangesEventActionsAreNoActi
   EXPECT_EQ(added("eps.power_cycle_peripheral"), mission::failure::no_action);
   EXPECT_EQ(added("event_action.restore"), mission::failure::no_action);
   EXPECT_EQ(added("event_action.stop"), mission::failure::no_action);
+  const mission::Command* arm = dictionary_.command("ttc.arm");
+  ASSERT_NE(arm, nullptr);
+  EXPECT_EQ(added(to_hex(packet_of("ttc.arm", {"of_apid=17", "of_service=8", "of_subtype=1", "digest=0"}))),
+            mission::failure::no_action)
+      << "nothing on board arms";
+  const std::string inner = to_hex(packet_of("eps.power_cycle_peripheral", {}));
+  EXPECT_EQ(added(to_hex(packet_of("schedule.insert", {"release=2030-01-01T00:00:00Z", "request=" + inner}))),
+            mission::failure::no_action)
+      << "what the packet in it does is not judged";
   EXPECT_EQ(added("eps.switch_load load=1 state=off"), mission::failure::none);
 }
 
@@ -464,6 +511,30 @@ TEST_F(ActionsInTtc, ALoopOfCrashesReleasesNoNewBurstEachTime) {
   EXPECT_EQ(released, EventActionService::burst);
   now_ = now_ + EventActionService::period;
   EXPECT_TRUE(has(raise(low), mission::event::event_action_released));
+}
+
+TEST_F(ActionsInTtc, AnActionThatIsRefusedBecauseOfTheDiskWaitsUntilItWorks) {
+  begin({{"eps.battery_low", "eps.switch_load load=2 state=off"}});
+  disk_works_ = false;
+  EXPECT_FALSE(has(raise(low), mission::event::event_action_released));
+  EXPECT_TRUE(published_.empty());
+  EXPECT_TRUE(core_->has_waiting_actions());
+  disk_works_ = true;
+  now_ = now_ + PersistenceGate::retry_period;
+  core_->on_deadline(now_);
+  now_ = now_ + EventActionService::period;
+  EXPECT_TRUE(has(settle(), mission::event::event_action_released));
+  EXPECT_EQ(published_.size(), 1U);
+  EXPECT_FALSE(core_->has_waiting_actions());
+}
+
+TEST_F(ActionsInTtc, AStoredActionThatTheRulesOfNowForbidIsSaidAndNotReleased) {
+  begin({{"eps.battery_low", to_hex(packet_of("event_action.stop", {}))}});
+  EXPECT_EQ(reported_at_start_, 0U);
+  EXPECT_GE(core_->events().counters().reported, 1U) << "event_action.unusable";
+  EXPECT_FALSE(has(raise(low), mission::event::event_action_released));
+  EXPECT_EQ(core_->journal().counters().accepted, 0U);
+  EXPECT_FALSE(core_->has_waiting_actions());
 }
 
 TEST_F(ActionsInTtc, AnEventThatIsNotSoundOrNotItsSendersOwnTriggersNothing) {

@@ -2,6 +2,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "nodes/ttc/services/monitoring.hpp"
 
+#include <algorithm>
+#include <array>
 #include <chrono>
 #include <cmath>
 #include <limits>
@@ -414,11 +416,11 @@ class MonitoringRequests : public RouterWithParts {
     if (const auto bad = dictionary_.check_arguments(*telecommand.command, telecommand.arguments); !bad)
       return "bad_argument";
     service_->execute(telecommand, now_);
-    if (auto change = service_->take_change()) {
+    if (auto change = service_->take_change(now_)) {
       if (stored) disk_ = change->table;
-      service_->on_stored(*change, stored);
+      service_->on_stored(*change, stored, now_);
     }
-    service_->go_on(1U << 20);
+    service_->go_on(1U << 20, now_);
     reports_ = report_queue_.take();
     for (const StageReached& stage : report_queue_.take_stages()) {
       if (!stage.success) return dictionary_.failure_code(stage.failure_code)->name;
@@ -498,17 +500,33 @@ TEST_F(MonitoringRequests, ALongReportWaitsForRoomOnTheLine) {
   ASSERT_TRUE(encoded);
   service_->execute({.origin = {.ack_flags = wire::ack::all, .id = 1},
                      .command = encoded->command,
-                     .arguments = encoded->data},
+                     .arguments = encoded->data,
+                     .expiry = now_ + seconds(60)},
                     now_);
   std::size_t reports = 0;
   int turns = 0;
   for (; service_->is_reporting(); ++turns) {
-    service_->go_on(20U << 10);
+    service_->go_on(20U << 10, now_);
     reports += report_queue_.take().size();
     ASSERT_LT(turns, 1000);
   }
   EXPECT_GT(turns, 2);
   EXPECT_EQ(reports, service_->monitoring().table().size() + 2);
+}
+
+TEST_F(MonitoringRequests, AReportThatFindsNoRoomEndsAtItsExpiry) {
+  const auto encoded = dictionary_.encode("monitor.report", {});
+  ASSERT_TRUE(encoded);
+  service_->execute({.origin = {.ack_flags = wire::ack::all, .id = 1},
+                     .command = encoded->command,
+                     .arguments = encoded->data,
+                     .expiry = now_ + seconds(60)},
+                    now_);
+  service_->go_on(0, now_ + seconds(59));
+  EXPECT_TRUE(service_->is_reporting());
+  service_->go_on(0, now_ + seconds(60));
+  EXPECT_FALSE(service_->is_reporting());
+  EXPECT_EQ(report_queue_.counters().failed, 1U);
 }
 
 TEST_F(MonitoringRequests, TheTableOutlivesTheProcessAndTheFactorySetComesBackByCommand) {
@@ -530,6 +548,74 @@ TEST_F(MonitoringRequests, TheTableOutlivesTheProcessAndTheFactorySetComesBackBy
 TEST_F(MonitoringRequests, AChangeThatIsNotStoredSaysSo) {
   EXPECT_EQ(send("monitor.add", definition(7), false), "storage_unavailable");
   EXPECT_TRUE(service_->monitoring().table().contains(7)) << "it holds until the process ends";
+}
+
+TEST_F(MonitoringRequests, AChangeThatIsNotStoredIsStoredLater) {
+  EXPECT_EQ(send("monitor.add", definition(7), false), "storage_unavailable");
+  EXPECT_FALSE(service_->take_change(now_)) << "not at once";
+  EXPECT_EQ(service_->retry_at(), now_ + MonitoringService::retry_period);
+  now_ = now_ + MonitoringService::retry_period;
+  auto again = service_->take_change(now_);
+  ASSERT_TRUE(again);
+  EXPECT_TRUE(again->origins.empty()) << "its end was reported";
+  service_->on_stored(*again, false, now_);
+  now_ = now_ + MonitoringService::retry_period;
+  again = service_->take_change(now_);
+  ASSERT_TRUE(again);
+  service_->on_stored(*again, true, now_);
+  EXPECT_FALSE(service_->retry_at());
+  restart({.table = again->table});
+  EXPECT_TRUE(service_->monitoring().table().contains(7));
+}
+
+TEST_F(MonitoringRequests, ChangesThatComeTogetherAreStoredTogetherAndAllComplete) {
+  for (const int id : {7, 8, 9}) {
+    const auto encoded = dictionary_.encode("monitor.add", definition(id));
+    ASSERT_TRUE(encoded);
+    service_->execute({.origin = {.ack_flags = wire::ack::all, .id = ++id_},
+                       .command = encoded->command,
+                       .arguments = encoded->data},
+                      now_);
+  }
+  const auto change = service_->take_change(now_);
+  ASSERT_TRUE(change);
+  EXPECT_EQ(change->origins.size(), 3U);
+  EXPECT_FALSE(service_->take_change(now_)) << "one write";
+  service_->on_stored(*change, true, now_);
+  EXPECT_EQ(report_queue_.counters().completed, 3U);
+  EXPECT_EQ(report_queue_.counters().failed, 0U);
+  restart({.table = change->table});
+  for (const int id : {7, 8, 9})
+    EXPECT_TRUE(service_->monitoring().table().contains(static_cast<std::uint16_t>(id)));
+}
+
+TEST_F(MonitoringRequests, ARequestThatWasRefusedBeforeALaterOneIsNotTakenAsDone) {
+  EXPECT_EQ(send("monitor.enable", {"id=999"}), "unknown_identifier");
+  const std::uint64_t refused = id_;
+  ASSERT_EQ(send("monitor.add", definition(7)), "");
+  restart({.table = disk_});
+  const auto encoded = dictionary_.encode("monitor.enable", {"id=999"});
+  ASSERT_TRUE(encoded);
+  EXPECT_FALSE(service_->restore({.origin = {.ack_flags = wire::ack::all, .id = refused},
+                                  .command = encoded->command,
+                                  .arguments = encoded->data},
+                                 {}, now_));
+}
+
+TEST_F(MonitoringRequests, ATableThatIsCutOrOfAnotherVersionIsDamagedAndTheFactorySetHolds) {
+  ASSERT_EQ(send("monitor.add", definition(7)), "");
+  StoredTable cut = *disk_;
+  cut.content.pop_back();
+  restart({.table = cut});
+  EXPECT_TRUE(service_->is_damaged());
+  EXPECT_EQ(service_->monitoring().table(), factory_monitors(dictionary_));
+  StoredTable other = *disk_;
+  other.content.front() = 0;
+  restart({.table = other});
+  EXPECT_TRUE(service_->is_damaged());
+  EXPECT_EQ(service_->monitoring().table(), factory_monitors(dictionary_));
+  ASSERT_EQ(send("monitor.add", definition(8)), "");
+  EXPECT_GT(disk_->generation, other.generation) << "the next one holds";
 }
 
 TEST_F(MonitoringRequests, ARequestThatTheTableOnDiskHasIsNotCarriedOutAgain) {
@@ -595,7 +681,8 @@ TEST(StoredTables, AnyContentIsReadWithoutHarm) {
   for (int i = 0; i < 300; ++i) {
     StoredTable table{.generation = 1, .content = Octets(random() % 300)};
     for (auto& octet : table.content) octet = static_cast<std::uint8_t>(random());
-    if (table.content.size() > 8) table.content[8] = static_cast<std::uint8_t>(random() % 2);
+    if (table.content.size() > 3)
+      std::copy_n(std::array<std::uint8_t, 3>{1, 0, 0}.begin(), 3, table.content.begin());
     ReportQueue report_queue;
     const MonitoringService service(dictionary, {.table = table}, report_queue);
     EXPECT_LE(service.monitoring().table().size(), Monitoring::max_definitions);

@@ -122,8 +122,9 @@ class World {
         "event_action.add", {"event=eps.loads_changed", "request=eps.switch_load load=1 state=off"});
     EXPECT_TRUE(added);
     OctetWriter out;
-    out.u64(0);
-    out.u8(1);  // the function is enabled
+    out.u8(1);   // version
+    out.u16(0);  // requests that changed it
+    out.u8(1);   // the function is enabled
     out.u16(1);
     out.u8(1);
     out.bytes(OctetView(added->data).subspan(2));
