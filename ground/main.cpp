@@ -727,14 +727,15 @@ Exit archive(const Operation& operation) {
   const auto command = archive_command(operation);
   if (!command) return fail(a, command.error());
   if (a.action == "check") return check_archive(*command);
-  if (a.action == "rebuild") return rebuild(*command);
   if (a.action == "prune") {
     if (a.table.empty() || !command->period.to)
       return fail(a, "archive prune: --table and --to are needed, for example --table packets --to 90d");
-    return prune(*command);
   }
+  // One process writes: the server would have to wait.
   const auto lock = lock_state(operation.state_dir);
-  return lock ? repair(*command) : fail(a, lock.error());
+  if (!lock) return fail(a, lock.error());
+  if (a.action == "rebuild") return rebuild(*command);
+  return a.action == "prune" ? prune(*command) : repair(*command);
 }
 
 Exit package_install(const Operation& operation) {

@@ -48,7 +48,7 @@ Result<StationStatus, std::string> read_status(Archive& archive, const mission::
     PacketFilter filter;
     filter.service = std::uint8_t{3};
     filter.structure = structure.id;
-    filter.newest_first = true;
+    filter.latest_live = true;
     filter.most = 1;
     const auto read = archive.packets(filter, [&](const StoredPacket& stored) {
       status.latest.take(decode_telemetry(dictionary, stored.packet), stored.received);

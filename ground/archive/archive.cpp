@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <array>
 #include <map>
+#include <set>
 #include <utility>
 
 #include <fmt/format.h>
@@ -26,6 +27,8 @@ constexpr seconds pass_silence{120};   ///< without a packet, the next one begin
 constexpr seconds gap_tolerance{120};  ///< times of a node's packets are not quite in order
 constexpr seconds gap_longest{600};    ///< of gaps that become one
 constexpr seconds gap_distance{60};    ///< between them
+/// Nobody else writes; readers hold up nothing. The station's loop waits for no program that does.
+constexpr milliseconds writing_patience{50};
 constexpr int live_copy = 1;
 constexpr int retrieved_copy = 2;
 constexpr std::array tables{"packets", "telecommands", "reports",    "files",   "passes",
@@ -91,6 +94,7 @@ Where where_of(const PacketFilter& filter) {
   if (filter.subtype) where.is("subtype=", *filter.subtype);
   if (filter.structure) where.is("structure=", *filter.structure);
   if (filter.after_id) where.is("id>", *filter.after_id);
+  if (filter.latest_live) where.is("copies&", live_copy);
   return where;
 }
 
@@ -105,7 +109,7 @@ class SqliteArchive final : public Archive {
   Result<std::int64_t, std::string> add(const ReceivedPacket& packet, UtcTime received) override;
   Outcome add(const TelecommandEntry& telecommand) override;
   Outcome add(const FileEntry& file) override;
-  Outcome commit() override;
+  Result<bool, std::string> commit() override;
   Result<std::optional<wire::RequestId>, std::string> request_of(const std::string& token) override;
   Outcome count_attempt(std::int64_t gap) override;
   Outcome close_gap(std::int64_t gap) override;
@@ -132,6 +136,12 @@ class SqliteArchive final : public Archive {
   /// Binds what @p bind does and runs it, in the transaction.
   [[nodiscard]] Outcome write(const std::string& sql, const std::function<void(Statement&)>& bind);
   [[nodiscard]] Outcome begin();
+  void roll_back();
+  /// What add() and commit() rely on is as it is in the file.
+  struct Memory {
+    GapFinder finder;
+    std::optional<Pass> pass;
+  };
   [[nodiscard]] Outcome on_new(const ReceivedPacket& received, std::int64_t id, std::int64_t time,
                                const std::optional<std::uint16_t>& structure);
   [[nodiscard]] Outcome fill_gaps(const wire::TmPacket& packet, std::int64_t time);
@@ -151,11 +161,12 @@ class SqliteArchive final : public Archive {
   Database database_;
   std::map<std::string, Statement, std::less<>> statements_;
   bool in_transaction_ = false;
-  GapFinder finder_;
-  std::map<std::uint16_t, GapFinder::Last> changed_;  ///< since the last commit; one an application process
-  std::optional<Pass> pass_;
+  Memory now_;
+  Memory committed_;                 ///< at the last commit
+  std::set<std::uint16_t> changed_;  ///< application processes of which a packet came since then
   bool pass_changed_ = false;
   std::map<std::string, std::int64_t> parameters_;
+  std::int64_t next_packet_ = 1;  ///< a number is given once, also when its packet is lost
 };
 
 Result<Statement*, std::string> SqliteArchive::cached(const std::string& sql) {
@@ -182,10 +193,18 @@ Archive::Outcome SqliteArchive::write(const std::string& sql, const std::functio
   bind(**statement);
   const auto done = (*statement)->run();
   if (done) return {};
-  // What of this transaction is not written yet is lost; the next one begins anew.
-  static_cast<void>(database_.run("ROLLBACK"));
-  in_transaction_ = false;
+  roll_back();
   return Err(text_of(done.error()));
+}
+
+/// What of this transaction is not written yet is lost; the next one begins anew, with what is in the file.
+void SqliteArchive::roll_back() {
+  static_cast<void>(database_.run("ROLLBACK"));  // an error: SQLite did it already
+  in_transaction_ = false;
+  now_ = committed_;
+  changed_.clear();
+  pass_changed_ = false;
+  parameters_.clear();
 }
 
 Archive::Outcome SqliteArchive::each(const std::string& sql, const Where& where,
@@ -205,24 +224,32 @@ Archive::Outcome SqliteArchive::each(const std::string& sql, const Where& where,
 
 Archive::Outcome SqliteArchive::restore() {
   auto done = each("SELECT apid, sequence, time FROM sequences", {}, [&](const Statement& row) {
-    finder_.restore(static_cast<std::uint16_t>(row.integer(0)),
-                    {static_cast<std::uint16_t>(row.integer(1)), time_of(row.integer(2))});
+    now_.finder.restore(static_cast<std::uint16_t>(row.integer(0)),
+                        {static_cast<std::uint16_t>(row.integer(1)), time_of(row.integer(2))});
     return true;
   });
   if (!done) return done;
-  return each("SELECT id, began, ended, packets FROM passes ORDER BY id DESC LIMIT 1", {},
+  done = each("SELECT coalesce(max(id),0)+1 FROM packets", {}, [&](const Statement& row) {
+    next_packet_ = row.integer(0);
+    return true;
+  });
+  if (!done) return done;
+  done = each("SELECT id, began, ended, packets FROM passes ORDER BY id DESC LIMIT 1", {},
               [&](const Statement& row) {
-                pass_ = Pass{row.integer(0), time_of(row.integer(1)), time_of(row.integer(2)),
-                             static_cast<std::uint64_t>(row.integer(3))};
+                now_.pass = Pass{row.integer(0), time_of(row.integer(1)), time_of(row.integer(2)),
+                                 static_cast<std::uint64_t>(row.integer(3))};
                 return true;
               });
+  committed_ = now_;
+  return done;
 }
 
 void SqliteArchive::follow_pass(UtcTime received) {
-  if (!pass_ || received - pass_->ended > pass_silence || received < pass_->began)
-    pass_ = Pass{0, received, received, 0};
-  pass_->ended = std::max(pass_->ended, received);
-  ++pass_->packets;
+  auto& pass = now_.pass;
+  if (!pass || received - pass->ended > pass_silence || received < pass->began)
+    pass = Pass{0, received, received, 0};
+  pass->ended = std::max(pass->ended, received);
+  ++pass->packets;
   pass_changed_ = true;
 }
 
@@ -232,24 +259,24 @@ Result<std::int64_t, std::string> SqliteArchive::add(const ReceivedPacket& recei
   const auto structure = structure_in(packet);
   const int copy = received.vc == tm_channel::playback ? retrieved_copy : live_copy;
   const std::int64_t crc = crc32c(received.raw);
-  follow_pass(now);
   const auto added = write(
       "INSERT OR IGNORE INTO packets(time, received, apid, sequence, service, subtype, structure, copies, "
-      "crc, raw) "
-      "VALUES(?,?,?,?,?,?,?,?,?,?)",
+      "crc, raw, id) "
+      "VALUES(?,?,?,?,?,?,?,?,?,?,?)",
       [&](Statement& s) {
         s.bind(1, time).bind(2, now.ns()).bind(3, std::int64_t{packet.apid});
         s.bind(4, std::int64_t{packet.sequence_count}).bind(5, std::int64_t{packet.service});
         s.bind(6, std::int64_t{packet.subtype}).bind(8, std::int64_t{copy}).bind(9, crc);
         structure ? s.bind(7, std::int64_t{*structure}) : s.bind_null(7);
-        s.bind(10, OctetView(received.raw));
+        s.bind(10, OctetView(received.raw)).bind(11, next_packet_);
       });
   if (!added) return Err(added.error());
   const bool is_new = database_.changes() > 0;
-  const std::int64_t id = database_.last_id();
+  const std::int64_t id = is_new ? next_packet_++ : 0;
+  follow_pass(now);
   if (copy == live_copy && packet.apid != 0) {
-    const auto gap = finder_.on_packet(packet.apid, packet.sequence_count, time_of(time));
-    changed_[packet.apid] = {packet.sequence_count, time_of(time)};
+    const auto gap = now_.finder.on_packet(packet.apid, packet.sequence_count, time_of(time));
+    changed_.insert(packet.apid);
     if (gap) {
       if (const auto done = add_gap(*gap); !done) return Err(done.error());
     }
@@ -361,35 +388,40 @@ Archive::Outcome SqliteArchive::add(const FileEntry& file) {
 }
 
 Archive::Outcome SqliteArchive::write_pass() {
-  if (!pass_ || !std::exchange(pass_changed_, false)) return {};
-  if (pass_->id == 0) {
+  auto& pass = now_.pass;
+  if (!pass || !std::exchange(pass_changed_, false)) return {};
+  if (pass->id == 0) {
     const auto added = write("INSERT INTO passes(began, ended, packets) VALUES(?,?,?)", [&](Statement& s) {
-      s.bind(1, pass_->began.ns()).bind(2, pass_->ended.ns());
-      s.bind(3, static_cast<std::int64_t>(pass_->packets));
+      s.bind(1, pass->began.ns()).bind(2, pass->ended.ns());
+      s.bind(3, static_cast<std::int64_t>(pass->packets));
     });
-    if (added) pass_->id = database_.last_id();
+    if (added) pass->id = database_.last_id();
     return added;
   }
   return write("UPDATE passes SET ended=?, packets=? WHERE id=?", [&](Statement& s) {
-    s.bind(1, pass_->ended.ns()).bind(2, static_cast<std::int64_t>(pass_->packets)).bind(3, pass_->id);
+    s.bind(1, pass->ended.ns()).bind(2, static_cast<std::int64_t>(pass->packets)).bind(3, pass->id);
   });
 }
 
-Archive::Outcome SqliteArchive::commit() {
-  if (!in_transaction_) return {};
-  for (const auto& [apid, last] : std::exchange(changed_, {})) {
+Result<bool, std::string> SqliteArchive::commit() {
+  if (!in_transaction_) return false;
+  for (const std::uint16_t apid : std::exchange(changed_, {})) {
+    const auto last = now_.finder.last(apid);
+    if (!last) continue;
     const auto done =
         write("INSERT OR REPLACE INTO sequences(apid, sequence, time) VALUES(?,?,?)", [&](Statement& s) {
-          s.bind(1, std::int64_t{apid}).bind(2, std::int64_t{last.sequence}).bind(3, last.time.ns());
+          s.bind(1, std::int64_t{apid}).bind(2, std::int64_t{last->sequence}).bind(3, last->time.ns());
         });
-    if (!done) return done;
+    if (!done) return Err(done.error());
   }
-  if (auto done = write_pass(); !done) return done;
+  if (const auto done = write_pass(); !done) return Err(done.error());
+  if (const auto committed = database_.run("COMMIT"); !committed) {
+    roll_back();
+    return Err(text_of(committed.error()));
+  }
   in_transaction_ = false;
-  const auto committed = database_.run("COMMIT");
-  if (committed) return {};
-  static_cast<void>(database_.run("ROLLBACK"));
-  return Err(text_of(committed.error()));
+  committed_ = now_;
+  return true;
 }
 
 Result<std::optional<wire::RequestId>, std::string> SqliteArchive::request_of(const std::string& token) {
@@ -443,6 +475,7 @@ Result<std::int64_t, std::string> SqliteArchive::parameter_id(const std::string&
   const std::int64_t id = row && *row ? (*statement)->integer(0) : 0;
   (*statement)->reset();
   if (!row) return Err(text_of(row.error()));
+  if (id == 0) return Err(fmt::format("{}: parameter {} has no number", file_.string(), name));
   parameters_[name] = id;
   return id;
 }
@@ -474,13 +507,18 @@ Archive::Outcome SqliteArchive::forget_minutes() {
         "packets WHERE "
         "service=3 AND structure IS NOT NULL",
         none);
-  return done ? commit() : done;
+  if (!done) return done;
+  if (const auto committed = commit(); !committed) return Err(committed.error());
+  return {};
 }
 
 Archive::Outcome SqliteArchive::packets(const PacketFilter& filter,
                                         const std::function<bool(const StoredPacket&)>& take) {
   const Where where = where_of(filter);
-  const char* const order = filter.after_id ? "id" : filter.newest_first ? "time DESC, id DESC" : "time, id";
+  const char* const order = filter.latest_live    ? "id DESC"
+                            : filter.after_id     ? "id"
+                            : filter.newest_first ? "time DESC, id DESC"
+                                                  : "time, id";
   std::size_t left = filter.most;
   if (left == 0) return {};
   return each(fmt::format("SELECT id, received, copies, raw FROM packets{} ORDER BY {}", where.sql, order),
@@ -756,6 +794,7 @@ Result<std::unique_ptr<Archive>, std::string> open_archive(const std::filesystem
   }
   if (const auto migrated = migrate(*database, use); !migrated)
     return Err(fmt::format("{}: {}", file.string(), migrated.error()));
+  if (use == ArchiveUse::write) database->set_patience(writing_patience);
   auto archive = std::make_unique<SqliteArchive>(file, std::move(*database));
   if (const auto restored = archive->restore(); !restored) return Err(restored.error());
   return archive;

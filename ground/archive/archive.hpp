@@ -99,6 +99,8 @@ struct PacketFilter {
   std::optional<std::uint16_t> structure = {};  ///< of housekeeping (3,25) or an event (5,x): its number
   std::optional<std::int64_t> after_id = {};    ///< packets that came later than this one
   bool newest_first = false;
+  bool latest_live =
+      false;  ///< live packets alone, what came last first, whatever the spacecraft's clock says
   std::size_t most = SIZE_MAX;
 };
 
@@ -118,7 +120,9 @@ class Archive {
                                                               UtcTime received) = 0;
   [[nodiscard]] virtual Outcome add(const TelecommandEntry& telecommand) = 0;
   [[nodiscard]] virtual Outcome add(const FileEntry& file) = 0;
-  [[nodiscard]] virtual Outcome commit() = 0;
+  /// An error of any writing loses what was added since the last commit; of its packets, a gap is found.
+  /// @return whether there was anything to commit
+  [[nodiscard]] virtual Result<bool, std::string> commit() = 0;
   /// The request of a telecommand that was recorded with this token.
   [[nodiscard]] virtual Result<std::optional<wire::RequestId>, std::string> request_of(
       const std::string& token) = 0;

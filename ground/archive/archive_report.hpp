@@ -37,7 +37,7 @@ struct Verdict {
 [[nodiscard]] nlohmann::json to_json(const FileEntry& file);
 
 /// One line of comma-separated values (RFC 4180); members of an object in this order, arrays joined by
-/// spaces.
+/// spaces; as for_terminal() writes them.
 [[nodiscard]] std::string csv_line(const nlohmann::json& object, const std::vector<std::string>& columns);
 [[nodiscard]] std::string csv_line(const std::vector<std::string>& cells);
 

@@ -111,6 +111,10 @@ Result<Database, DatabaseError> Database::open(const std::filesystem::path& file
   return database;
 }
 
+void Database::set_patience(milliseconds patience) {
+  sqlite3_busy_timeout(database_.get(), static_cast<int>(patience.count()));
+}
+
 Result<void, DatabaseError> Database::run(const std::string& sql) {
   const int code = sqlite3_exec(database_.get(), sql.c_str(), nullptr, nullptr, nullptr);
   if (code != SQLITE_OK) return Err(error_of(database_.get(), code));

@@ -11,6 +11,7 @@
 
 #include "base/octets.hpp"
 #include "base/result.hpp"
+#include "base/time.hpp"
 
 struct sqlite3;
 struct sqlite3_stmt;
@@ -61,6 +62,8 @@ class Database {
   /// @param use  write: the file is made if it is not there
   [[nodiscard]] static Result<Database, DatabaseError> open(const std::filesystem::path& file, Use use);
 
+  /// How long a statement waits for another process that has the file.
+  void set_patience(milliseconds patience);
   /// Statements without parameters and rows.
   [[nodiscard]] Result<void, DatabaseError> run(const std::string& sql);
   [[nodiscard]] Result<Statement, DatabaseError> prepare(std::string_view sql);

@@ -6,6 +6,11 @@
 
 namespace srfs::ground {
 
+std::optional<GapFinder::Last> GapFinder::last(std::uint16_t apid) const {
+  const auto known = last_.find(apid);
+  return known == last_.end() ? std::nullopt : std::optional(known->second);
+}
+
 std::optional<Gap> GapFinder::on_packet(std::uint16_t apid, std::uint16_t sequence, UtcTime time) {
   const auto known = last_.find(apid);
   if (known == last_.end()) {
@@ -15,7 +20,7 @@ std::optional<Gap> GapFinder::on_packet(std::uint16_t apid, std::uint16_t sequen
   const auto before = known->second;
   const auto first = static_cast<std::uint16_t>((before.sequence + 1) % modulus);
   const auto missing = static_cast<std::uint16_t>((sequence + modulus - first) % modulus);
-  if (missing >= modulus - late_max) return std::nullopt;
+  if (missing >= modulus - late_max && time <= before.time) return std::nullopt;
   known->second = {sequence, time};
   if (missing == 0) return std::nullopt;
   Gap gap{.apid = apid, .first = first, .count = missing, .from = before.time, .to = time};

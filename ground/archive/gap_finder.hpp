@@ -23,7 +23,7 @@ struct Gap {
 class GapFinder {
  public:
   static constexpr std::uint16_t modulus = 0x4000;
-  /// So far back, a packet is a late one, or comes twice.
+  /// So far back, and not younger, a packet is a late one, or comes twice.
   static constexpr std::uint16_t late_max = 64;
 
   struct Last {
@@ -32,6 +32,7 @@ class GapFinder {
   };
   /// What was seen before, of an earlier run.
   void restore(std::uint16_t apid, const Last& last) { last_[apid] = last; }
+  [[nodiscard]] std::optional<Last> last(std::uint16_t apid) const;
   /// A live packet. @return the gap before it
   [[nodiscard]] std::optional<Gap> on_packet(std::uint16_t apid, std::uint16_t sequence, UtcTime time);
 

@@ -55,17 +55,37 @@ const mission::Structure* structure_of(const mission::Dictionary& dictionary, co
 
 }  // namespace
 
-void Recorder::judge(const Archive::Outcome& outcome) {
-  if (!outcome && !std::exchange(failing_, true))
-    log_(fmt::format("the archive fails: {}; what comes is shown, and not recorded", outcome.error()));
-  if (outcome && std::exchange(failing_, false)) log_("the archive works again");
+void Recorder::judge(const Archive::Outcome& written) {
+  if (written) return;
+  unrecorded_ += std::exchange(pending_, 0);
+  if (!std::exchange(failing_, true))
+    log_(fmt::format("the archive fails: {}; what comes is shown, and not recorded", written.error()));
+}
+
+void Recorder::report_unreadable(const std::string& error) {
+  if (!std::exchange(told_unreadable_, true))
+    log_(fmt::format("the archive cannot be read: {}; see srfs-ground archive check", error));
+}
+
+Archive::Outcome Recorder::commit_all() {
+  const auto committed = archive_->commit();
+  if (!committed) return Err(committed.error());
+  if (!*committed) return {};  // nothing was tried
+  pending_ = 0;
+  if (std::exchange(failing_, false))
+    log_(fmt::format("the archive works again; {} packets were not recorded", std::exchange(unrecorded_, 0)));
+  return {};
 }
 
 std::int64_t Recorder::on_packet(const ReceivedPacket& packet, UtcTime now) {
   if (filler_) filler_->on_packet(packet, monotonic_now());
   const auto added = archive_->add(packet, now);
-  if (added) return *added;
+  if (added) {
+    ++pending_;
+    return *added;
+  }
   judge(Err(added.error()));
+  ++unrecorded_;
   return 0;
 }
 
@@ -79,7 +99,7 @@ void Recorder::on_telecommand(const TelecommandOrder& order, const wire::Request
                                                 .arguments = order.arguments,
                                                 .ad = order.ad,
                                                 .scheduled = scheduled});
-  if (outcome) outcome = archive_->commit();
+  if (outcome) outcome = commit_all();
   judge(outcome);
 }
 
@@ -95,30 +115,34 @@ void Recorder::on_file(const cfdp::News& news, UtcTime now) {
                               .name = news.file.destination_file,
                               .event = finished ? ended : std::string(cfdp::to_string(event.kind)),
                               .octets = news.file.file_octets});
-  if (!outcome) judge(outcome);
+  judge(outcome);
 }
 
 void Recorder::commit() {
-  judge(archive_->commit());
+  judge(commit_all());
 }
 
 bool Recorder::make_minute(UtcTime now) {
+  if (minute_failed_ && now >= *minute_failed_ && now - *minute_failed_ < minute) return false;
+  minute_failed_.reset();
   const auto dirty = archive_->dirty_minute(now - minute);
   if (!dirty || !*dirty) return false;
   auto aggregates = aggregates_of(*archive_, dictionary_, **dirty);
   if (!aggregates) {
-    judge(Err(aggregates.error()));
+    report_unreadable(aggregates.error());
+    minute_failed_ = now;
     return false;
   }
   auto outcome = archive_->set_minute(**dirty, *aggregates);
-  if (outcome) outcome = archive_->commit();
+  if (outcome) outcome = commit_all();
   judge(outcome);
+  if (!outcome) minute_failed_ = now;
   return outcome.has_value();
 }
 
 void Recorder::close_gaps(const std::vector<std::int64_t>& gaps) {
   for (const std::int64_t gap : gaps) {
-    if (const auto closed = archive_->close_gap(gap); !closed) judge(closed);
+    judge(archive_->close_gap(gap));
   }
 }
 
@@ -128,7 +152,7 @@ void Recorder::fill(StationLink& link, MonotonicTime now) {
   close_gaps(filler_->on_time(now));
   if (!filler_->is_ready(now)) return;
   auto open = archive_->gaps({}, true);
-  if (!open) return judge(Err(open.error()));
+  if (!open) return report_unreadable(open.error());
   // Thinned telemetry makes one gap after the other: they are fetched together.
   const UtcTime settled = system_utc_now() - gap_settles;
   std::erase_if(*open, [&](const StoredGap& stored) { return stored.gap.from > settled; });
@@ -137,7 +161,7 @@ void Recorder::fill(StationLink& link, MonotonicTime now) {
   if (!order) return;
   for (const std::int64_t gap : filler_->filling()) {
     if (!begins) break;
-    if (const auto counted = archive_->count_attempt(gap); !counted) judge(counted);
+    judge(archive_->count_attempt(gap));
   }
   const auto encoded = dictionary_.encode(order->name, order->arguments);
   if (!encoded) {
@@ -154,7 +178,7 @@ void Recorder::fill(StationLink& link, MonotonicTime now) {
 
 std::optional<wire::RequestId> Recorder::request_of(const std::string& token) {
   const auto found = archive_->request_of(token);
-  if (!found) judge(Err(found.error()));
+  if (!found) report_unreadable(found.error());
   return found ? *found : std::nullopt;
 }
 
@@ -167,7 +191,7 @@ void Recorder::packets_after(std::int64_t id, std::size_t most,
     take(stored);
     return true;
   });
-  if (!read) judge(read);
+  if (!read) report_unreadable(read.error());
 }
 
 Result<std::vector<Point>, std::string> history(Archive& archive, const mission::Dictionary& dictionary,

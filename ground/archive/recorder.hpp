@@ -17,7 +17,7 @@
 namespace srfs::ground {
 
 /// Puts into the archive what the server sees and does. A failing archive never stops the station: it is
-/// reported once, and again when it works.
+/// reported once, and again when something was recorded, with the number of packets that were not.
 class Recorder {
  public:
   using Log = std::function<void(const std::string&)>;
@@ -46,12 +46,20 @@ class Recorder {
   void fill(StationLink& link, MonotonicTime now);
 
  private:
-  void judge(const Archive::Outcome& outcome);
+  /// Of writing: an error takes with it what was recorded since the last commit.
+  void judge(const Archive::Outcome& written);
+  /// Of reading.
+  void report_unreadable(const std::string& error);
+  [[nodiscard]] Archive::Outcome commit_all();
   void close_gaps(const std::vector<std::int64_t>& gaps);
   std::unique_ptr<Archive> archive_;
   const mission::Dictionary& dictionary_;
   Log log_;
   bool failing_ = false;
+  bool told_unreadable_ = false;
+  std::uint64_t pending_ = 0;     ///< packets since the last commit
+  std::uint64_t unrecorded_ = 0;  ///< packets, while it fails
+  std::optional<UtcTime> minute_failed_;
   std::optional<GapFiller> filler_;
   MonotonicTime next_fill_;
   std::uint64_t fills_ = 0;

@@ -14,6 +14,7 @@
 #include "ground/archive/archive_report.hpp"
 #include "ground/archive/database.hpp"
 #include "ground/archive/recorder.hpp"
+#include "ground/station_status.hpp"
 #include "tests/temporary_folder.hpp"
 
 namespace srfs::ground {
@@ -78,6 +79,13 @@ class ArchiveFile : public ::testing::Test {
   void SetUp() override { open(); }
   [[nodiscard]] std::filesystem::path file() const { return folder_.path() / "archive.sqlite"; }
   Archive& archive() { return recorder_->archive(); }
+  /// By another program.
+  void run(const std::string& sql) {
+    auto other = Database::open(file(), Database::Use::write);
+    ASSERT_TRUE(other);
+    const auto done = other->run(sql);
+    ASSERT_TRUE(done) << done.error().message;
+  }
   void put(const ReceivedPacket& packet) { recorder_->on_packet(packet, start); }
   std::vector<StoredPacket> packets(const PacketFilter& filter = {}) {
     recorder_->commit();
@@ -222,6 +230,132 @@ TEST(GapFinder, TakesLatePacketsAndACounterThatBeginsAnewForWhatTheyAre) {
   ASSERT_TRUE(anew);
   EXPECT_EQ(anew->count, std::nullopt);
   EXPECT_EQ(anew->to, start + seconds(9));
+}
+
+TEST(GapFinder, TakesAPacketOfALowerCountForLateOnlyWhenItIsNotYounger) {
+  GapFinder finder;
+  EXPECT_FALSE(finder.on_packet(2, 40, start));
+  const auto restarted = finder.on_packet(2, 0, start + seconds(9));
+  ASSERT_TRUE(restarted) << "its process began anew, after a few packets";
+  EXPECT_EQ(restarted->count, std::nullopt);
+  EXPECT_EQ(finder.last(2)->sequence, 0);
+  EXPECT_FALSE(finder.on_packet(2, 0x3FFF, start + seconds(8))) << "late";
+  EXPECT_EQ(finder.last(2)->sequence, 0);
+  EXPECT_FALSE(finder.last(3));
+}
+
+TEST_F(ArchiveFile, RemembersTheNewestSequenceCountNotThatOfALatePacket) {
+  for (const std::uint16_t sequence : std::vector<std::uint16_t>{1, 2, 3, 1})
+    put(timing(sequence, start + seconds(sequence), sequence));
+  recorder_->commit();
+  recorder_.reset();
+  open();
+  put(timing(4, start + seconds(4), 4));
+  recorder_->commit();
+  EXPECT_THAT(*archive().gaps({}, true), IsEmpty());
+}
+
+TEST_F(ArchiveFile, FindsAGapWhereACommitFailed) {
+  put(timing(1, start + seconds(1), 1));
+  recorder_->commit();
+  run("CREATE TRIGGER fails BEFORE INSERT ON sequences BEGIN SELECT RAISE(ABORT, 'no room'); END");
+  EXPECT_EQ(recorder_->on_packet(timing(2, start + seconds(2), 2), start), 2);
+  EXPECT_EQ(recorder_->on_packet(timing(3, start + seconds(3), 3), start), 3);
+  recorder_->commit();
+  run("DROP TRIGGER fails");
+  EXPECT_EQ(recorder_->on_packet(timing(4, start + seconds(4), 4), start), 4)
+      << "the number of a lost packet is not given again";
+  const auto found = packets();
+  ASSERT_EQ(found.size(), 2U);
+  EXPECT_EQ(found.back().id, 4);
+  const auto gaps = archive().gaps({}, true);
+  ASSERT_EQ(gaps->size(), 1U);
+  EXPECT_EQ(gaps->front().gap.first, 2);
+  EXPECT_EQ(gaps->front().missing, 2U);
+  const auto passes = archive().passes({});
+  ASSERT_EQ(passes->size(), 1U);
+  EXPECT_EQ(passes->front().packets, 2U);
+}
+
+TEST_F(ArchiveFile, HasThePassWhoseFirstCommitFailed) {
+  run("CREATE TRIGGER fails BEFORE INSERT ON passes BEGIN SELECT RAISE(ABORT, 'no room'); END");
+  put(timing(1, start, 1));
+  recorder_->commit();
+  run("DROP TRIGGER fails");
+  put(timing(2, start + seconds(1), 2));
+  recorder_->commit();
+  EXPECT_EQ(archive().passes({})->size(), 1U);
+}
+
+TEST_F(ArchiveFile, GivesNoParameterTheNumberOfAnotherAfterAFailure) {
+  run("CREATE TRIGGER fails BEFORE DELETE ON dirty BEGIN SELECT RAISE(ABORT, 'no room'); END");
+  put(timing(1, start, 1));
+  recorder_->commit();
+  EXPECT_FALSE(recorder_->make_minute(start + seconds(3600)));
+  run("DROP TRIGGER fails");
+  Aggregate other;
+  other.add(-5, mission::LimitState::none);
+  ASSERT_TRUE(archive().set_minute({99, 7}, {{"other.value", other}}));  // takes a number that was given
+  ASSERT_TRUE(archive().commit());
+  EXPECT_FALSE(recorder_->make_minute(start + seconds(3601))) << "what failed is not tried at once";
+  EXPECT_TRUE(recorder_->make_minute(start + seconds(3700)));
+  const auto points = archive().minutes("other.value", {});
+  ASSERT_EQ(points->size(), 1U);
+  EXPECT_EQ(points->front().values.max, -5);
+  EXPECT_EQ(archive().minutes("timing.pulses_seen", {})->size(), 1U);
+}
+
+TEST_F(ArchiveFile, SaysOnceThatItFailsAndThatItWorksOnlyWhenItDoes) {
+  run("CREATE TRIGGER fails BEFORE INSERT ON packets BEGIN SELECT RAISE(ABORT, 'no room'); END");
+  for (std::uint16_t i = 0; i < 5; ++i) {
+    EXPECT_EQ(recorder_->on_packet(timing(i, start + seconds(i), i), start), 0);
+    recorder_->commit();
+  }
+  ASSERT_EQ(log_.size(), 1U);
+  EXPECT_THAT(log_.front(), HasSubstr("no room"));
+  run("DROP TRIGGER fails");
+  put(timing(5, start + seconds(5), 5));
+  recorder_->commit();
+  ASSERT_EQ(log_.size(), 2U);
+  EXPECT_EQ(log_.back(), "the archive works again; 5 packets were not recorded");
+}
+
+TEST_F(ArchiveFile, CountsThePacketsOfACommitThatFailedAsNotRecorded) {
+  run("CREATE TRIGGER fails BEFORE INSERT ON sequences BEGIN SELECT RAISE(ABORT, 'no room'); END");
+  put(timing(1, start, 1));
+  put(timing(2, start + seconds(1), 2));
+  recorder_->commit();
+  run("DROP TRIGGER fails");
+  put(timing(3, start + seconds(2), 3));
+  recorder_->commit();
+  EXPECT_EQ(log_.back(), "the archive works again; 2 packets were not recorded");
+}
+
+TEST_F(ArchiveFile, GoesOnWhileAnotherProgramHasTheFileAndFindsTheGap) {
+  put(timing(1, start, 1));
+  recorder_->commit();
+  {
+    auto other = Database::open(file(), Database::Use::write);
+    ASSERT_TRUE(other->run("BEGIN IMMEDIATE"));
+    EXPECT_EQ(recorder_->on_packet(timing(2, start + seconds(1), 2), start), 0);
+  }
+  put(timing(3, start + seconds(2), 3));
+  recorder_->commit();
+  const auto gaps = archive().gaps({}, true);
+  ASSERT_EQ(gaps->size(), 1U);
+  EXPECT_EQ(gaps->front().gap.first, 2);
+}
+
+TEST_F(ArchiveFile, ShowsTheLiveValueThatCameLastWhateverTheClockOnBoardSays) {
+  put(timing(1, start + std::chrono::hours(24 * 365), 111));  // once, a time of next year
+  put(timing(2, start, 222));
+  put(timing(3, start + seconds(60), 333, tm_channel::playback));
+  recorder_->commit();
+  const auto status = read_status(archive(), dictionary());
+  ASSERT_TRUE(status) << status.error();
+  const auto rows = status->latest.rows("timing.pulses_seen", false);
+  ASSERT_EQ(rows.size(), 1U);
+  EXPECT_EQ(rows.front().field.text, "222");
 }
 
 TEST_F(ArchiveFile, MakesMinutesThatAgreeWithTheRawValues) {
@@ -381,6 +515,10 @@ TEST(ArchiveReport, QuotesWhatWouldBreakALineOfValues) {
   EXPECT_EQ(csv_line({"a", "b,c", "say \"x\"", ""}), "a,\"b,c\",\"say \"\"x\"\"\",\r\n");
   EXPECT_EQ(csv_line(nlohmann::json{{"x", {"a", "b"}}, {"n", 5}, {"z", nullptr}}, {"n", "x", "z", "none"}),
             "5,a b,,\r\n");
+}
+
+TEST(ArchiveReport, WritesNoControlOfATerminalIntoALineOfValues) {
+  EXPECT_EQ(csv_line({"a\033[2Jb", "c\r\nd", "\u009b", "e"}), "a\\x1b[2Jb,c\\x0d\\x0ad,\\u009b,e\r\n");
 }
 
 TEST(ArchiveReport, TakesATimeOrHowLongAgo) {
