@@ -211,9 +211,14 @@ Exit check_archive(const ArchiveCommand& command) {
 Exit repair(const ArchiveCommand& command) {
   const auto repaired = repair_archive(command.file);
   if (!repaired) return fail(repaired.error());
+  if (repaired->completed) {
+    put("an interrupted repair is complete\n");
+    return Exit::done;
+  }
   put(fmt::format("{} rows kept, {} lost; the damaged file is {}\n", repaired->rows, repaired->lost,
                   repaired->damaged.string()));
-  return rebuild(command);
+  for (const std::string& table : repaired->incomplete) put(fmt::format("of {} more may be lost\n", table));
+  return repaired->incomplete.empty() ? Exit::done : Exit::refused;
 }
 
 Exit rebuild(const ArchiveCommand& command) {

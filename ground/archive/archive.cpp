@@ -31,8 +31,23 @@ constexpr seconds gap_distance{60};    ///< between them
 constexpr milliseconds writing_patience{50};
 constexpr int live_copy = 1;
 constexpr int retrieved_copy = 2;
-constexpr std::array tables{"packets", "telecommands", "reports",    "files",   "passes",
-                            "gaps",    "sequences",    "parameters", "minutes", "dirty"};
+constexpr int open_gaps_max = 1000;  ///< of an application process; more give up the oldest
+
+struct Table {
+  const char* name;
+  bool numbered;  ///< it has row numbers
+};
+constexpr std::array<Table, 11> tables{{{"packets", true},
+                                        {"telecommands", true},
+                                        {"reports", false},
+                                        {"files", true},
+                                        {"passes", true},
+                                        {"gaps", true},
+                                        {"sequences", true},
+                                        {"parameters", true},
+                                        {"minutes", false},
+                                        {"dirty", false},
+                                        {"pruned", true}}};
 
 std::int64_t number_of(const wire::RequestId& request) {
   return static_cast<std::int64_t>(request.packet_identification) << 16 | request.packet_sequence_control;
@@ -113,6 +128,7 @@ class SqliteArchive final : public Archive {
   Result<std::optional<wire::RequestId>, std::string> request_of(const std::string& token) override;
   Outcome count_attempt(std::int64_t gap) override;
   Outcome close_gap(std::int64_t gap) override;
+  Outcome give_up_gap(std::int64_t gap) override;
   Result<std::optional<DirtyMinute>, std::string> dirty_minute(UtcTime before) override;
   Outcome set_minute(const DirtyMinute& minute, const std::map<std::string, Aggregate>& aggregates) override;
   Outcome forget_minutes() override;
@@ -166,7 +182,8 @@ class SqliteArchive final : public Archive {
   std::set<std::uint16_t> changed_;  ///< application processes of which a packet came since then
   bool pass_changed_ = false;
   std::map<std::string, std::int64_t> parameters_;
-  std::int64_t next_packet_ = 1;  ///< a number is given once, also when its packet is lost
+  std::int64_t first_minute_ = INT64_MIN;  ///< of which no packet was removed
+  std::int64_t next_packet_ = 1;           ///< a number is given once, also when its packet is lost
 };
 
 Result<Statement*, std::string> SqliteArchive::cached(const std::string& sql) {
@@ -226,6 +243,11 @@ Archive::Outcome SqliteArchive::restore() {
   auto done = each("SELECT apid, sequence, time FROM sequences", {}, [&](const Statement& row) {
     now_.finder.restore(static_cast<std::uint16_t>(row.integer(0)),
                         {static_cast<std::uint16_t>(row.integer(1)), time_of(row.integer(2))});
+    return true;
+  });
+  if (!done) return done;
+  done = each("SELECT minute FROM pruned", {}, [&](const Statement& row) {
+    first_minute_ = row.integer(0);
     return true;
   });
   if (!done) return done;
@@ -299,7 +321,7 @@ Result<std::int64_t, std::string> SqliteArchive::add(const ReceivedPacket& recei
 Archive::Outcome SqliteArchive::on_new(const ReceivedPacket& received, std::int64_t id, std::int64_t time,
                                        const std::optional<std::uint16_t>& structure) {
   const wire::TmPacket& packet = received.packet;
-  if (packet.service == 3 && structure) {
+  if (packet.service == 3 && structure && minute_of(time) >= first_minute_) {
     const auto done = write("INSERT OR IGNORE INTO dirty(minute, structure) VALUES(?,?)", [&](Statement& s) {
       s.bind(1, minute_of(time)).bind(2, std::int64_t{*structure});
     });
@@ -331,13 +353,18 @@ Archive::Outcome SqliteArchive::add_gap(const Gap& gap) {
         });
     if (!merged || database_.changes() > 0) return merged;
   }
-  return write(
+  auto added = write(
       "INSERT INTO gaps(apid, first, count, begin, end, missing, attempts, state) VALUES(?,?,?,?,?,?,0,0)",
       [&](Statement& s) {
         s.bind(1, std::int64_t{gap.apid}).bind(2, std::int64_t{gap.first});
         gap.count ? s.bind(3, std::int64_t{*gap.count}) : s.bind_null(3);
         s.bind(4, gap.from.ns()).bind(5, gap.to.ns()).bind(6, std::int64_t{gap.count.value_or(1)});
       });
+  if (!added) return added;
+  return write(
+      "UPDATE gaps SET state=2 WHERE id=(SELECT id FROM gaps WHERE state=0 AND apid=? ORDER BY end DESC "
+      "LIMIT 1 OFFSET ?)",
+      [&](Statement& s) { s.bind(1, std::int64_t{gap.apid}).bind(2, std::int64_t{open_gaps_max}); });
 }
 
 /// A packet that was missing has come.
@@ -450,6 +477,10 @@ Archive::Outcome SqliteArchive::close_gap(std::int64_t gap) {
       [&](Statement& s) { s.bind(1, gap); });
 }
 
+Archive::Outcome SqliteArchive::give_up_gap(std::int64_t gap) {
+  return write("UPDATE gaps SET state=2 WHERE id=? AND state=0", [&](Statement& s) { s.bind(1, gap); });
+}
+
 Result<std::optional<Archive::DirtyMinute>, std::string> SqliteArchive::dirty_minute(UtcTime before) {
   Where where;
   where.is("minute<", minute_of(before.ns()));
@@ -499,14 +530,20 @@ Archive::Outcome SqliteArchive::set_minute(const DirtyMinute& minute,
 }
 
 Archive::Outcome SqliteArchive::forget_minutes() {
-  const auto none = [](Statement&) {};
-  auto done = write("DELETE FROM minutes", none);
+  // Of minutes whose packets were removed there is nothing to make them of.
+  std::optional<std::int64_t> oldest;
+  auto done = each("SELECT time FROM packets ORDER BY time LIMIT 1", {}, [&](const Statement& row) {
+    oldest = minute_of(row.integer(0));
+    return false;
+  });
+  if (!done || !oldest) return done;
+  const std::int64_t first = std::max(*oldest, first_minute_);
+  done = write("DELETE FROM minutes WHERE minute>=?", [&](Statement& s) { s.bind(1, first); });
   if (done)
     done = write(
         "INSERT OR IGNORE INTO dirty(minute, structure) SELECT DISTINCT time/60000000000, structure FROM "
-        "packets WHERE "
-        "service=3 AND structure IS NOT NULL",
-        none);
+        "packets WHERE service=3 AND structure IS NOT NULL AND time>=?",
+        [&](Statement& s) { s.bind(1, first * minute_ns); });
   if (!done) return done;
   if (const auto committed = commit(); !committed) return Err(committed.error());
   return {};
@@ -721,10 +758,19 @@ Result<std::uint64_t, std::string> SqliteArchive::prune(const std::string& table
   if (column == columns.end())
     return Err(fmt::format("'{}': expected packets, telecommands, files, passes, gaps or minutes", table));
   const std::int64_t limit = table == "minutes" ? minute_of(before.ns()) : before.ns();
-  const auto done = write(fmt::format("DELETE FROM {} WHERE {}<?", table, column->second),
+  const char* const newest = table == "packets" ? " AND id<(SELECT max(id) FROM packets)" : "";
+  const auto done = write(fmt::format("DELETE FROM {} WHERE {}<?{}", table, column->second, newest),
                           [&](Statement& s) { s.bind(1, limit); });
   if (!done) return Err(done.error());
   const auto rows = static_cast<std::uint64_t>(database_.changes());
+  const std::int64_t first =
+      table == "packets" ? std::max(first_minute_, minute_of(limit + minute_ns - 1)) : first_minute_;
+  if (first != first_minute_) {
+    const auto bind = [&](Statement& s) { s.bind(1, first); };
+    auto kept = write("INSERT OR REPLACE INTO pruned(one, minute) VALUES(1,?)", bind);
+    if (kept) kept = write("DELETE FROM dirty WHERE minute<?", bind);
+    if (!kept) return Err(kept.error());
+  }
   if (table == "packets" || table == "telecommands") {
     const auto orphans = write(
         "DELETE FROM reports WHERE telecommand NOT IN (SELECT id FROM telecommands) OR packet NOT IN (SELECT "
@@ -734,6 +780,7 @@ Result<std::uint64_t, std::string> SqliteArchive::prune(const std::string& table
     if (!orphans) return Err(orphans.error());
   }
   if (const auto committed = commit(); !committed) return Err(committed.error());
+  first_minute_ = first;
   return rows;
 }
 
@@ -774,10 +821,23 @@ std::string_view to_text(GapState state) {
   return "?";
 }
 
+namespace {
+
+/// Where repair_archive() makes the new file.
+std::filesystem::path repaired_of(std::filesystem::path file) {
+  return file += ".repaired";
+}
+
+}  // namespace
+
 Result<std::unique_ptr<Archive>, std::string> open_archive(const std::filesystem::path& file,
                                                            ArchiveUse use) {
   std::error_code error;
-  if (use == ArchiveUse::read && !std::filesystem::exists(file, error))
+  const bool there = std::filesystem::exists(file, error);
+  if (!there && std::filesystem::exists(repaired_of(file), error))
+    return Err(
+        fmt::format("{}: a repair was interrupted: srfs-ground archive repair completes it", file.string()));
+  if (use == ArchiveUse::read && !there)
     return Err(fmt::format("{}: there is no archive; srfs-ground serve makes it", file.string()));
   std::filesystem::create_directories(file.parent_path(), error);
   auto database = Database::open(file, use == ArchiveUse::write ? Database::Use::write : Database::Use::read);
@@ -802,73 +862,150 @@ Result<std::unique_ptr<Archive>, std::string> open_archive(const std::filesystem
 
 namespace {
 
-/// Rows of one table by their numbers, around what cannot be read.
 struct Copied {
   std::uint64_t rows = 0;
   std::uint64_t lost = 0;
+  bool complete = true;  ///< else more is lost than was counted
 };
 
-Copied copy_table(Database& into, const std::string& table) {
+bool is_damage(const DatabaseError& error) {
+  const int code = error.code & 0xFF;
+  return code == SQLITE_CORRUPT || code == SQLITE_NOTADB;
+}
+
+/// Rows of one table by their numbers, in halves around what cannot be read.
+Archive::Outcome copy_rows(Database& into, const char* table, std::int64_t last, Copied& copied) {
+  // A damaged tree may claim any number of rows.
+  constexpr int tries_max = 200'000;
+  constexpr int tries_for_nothing = 20'000;
+  std::vector<std::pair<std::int64_t, std::int64_t>> left{{1, last}};
+  for (int tries = 0; !left.empty(); ++tries) {
+    copied.complete = tries < (copied.rows == 0 ? tries_for_nothing : tries_max);
+    if (!copied.complete) break;
+    const auto [first, end] = left.back();
+    left.pop_back();
+    const auto done = into.run(fmt::format(
+        "INSERT OR IGNORE INTO main.{0} SELECT * FROM damaged.{0} WHERE rowid BETWEEN {1} AND {2}", table,
+        first, end));
+    if (done) {
+      copied.rows += static_cast<std::uint64_t>(into.changes());
+    } else if (!is_damage(done.error())) {
+      return Err(done.error().message);
+    } else if (first == end) {
+      ++copied.lost;
+    } else {
+      const std::int64_t middle = first + (end - first) / 2;
+      left.emplace_back(middle + 1, end);
+      left.emplace_back(first, middle);
+    }
+  }
+  return {};
+}
+
+/// An error that is not damage ends the repair.
+Result<Copied, std::string> copy_table(Database& into, const Table& table) {
   Copied copied;
-  const auto whole = into.run(fmt::format("INSERT OR IGNORE INTO main.{0} SELECT * FROM damaged.{0}", table));
+  const auto there = into.number(
+      fmt::format("SELECT count(*) FROM damaged.sqlite_master WHERE type='table' AND name='{}'", table.name));
+  if (!there) return Err(there.error().message);
+  if (*there == 0) {
+    copied.complete = false;
+    return copied;
+  }
+  const auto whole =
+      into.run(fmt::format("INSERT OR IGNORE INTO main.{0} SELECT * FROM damaged.{0}", table.name));
   if (whole) {
     copied.rows = static_cast<std::uint64_t>(into.changes());
     return copied;
   }
-  const auto last = into.number(fmt::format("SELECT max(rowid) FROM damaged.{}", table));
-  if (!last) return copied;  // a table without rowid, or its root is damaged: made again, or lost
-  constexpr std::int64_t chunk = 256;
-  const auto copy = [&](std::int64_t begin, std::int64_t end) {
-    const auto done = into.run(
-        fmt::format("INSERT OR IGNORE INTO main.{0} SELECT * FROM damaged.{0} WHERE rowid>={1} AND rowid<{2}",
-                    table, begin, end));
-    if (done) copied.rows += static_cast<std::uint64_t>(into.changes());
-    return done.has_value();
-  };
-  for (std::int64_t begin = 1; begin <= *last; begin += chunk) {
-    if (copy(begin, begin + chunk)) continue;
-    for (std::int64_t row = begin; row < begin + chunk && row <= *last; ++row) {
-      if (!copy(row, row + 1)) ++copied.lost;
-    }
-  }
+  if (!is_damage(whole.error())) return Err(whole.error().message);
+  copied.complete = false;
+  if (!table.numbered) return copied;
+  constexpr std::int64_t any = std::int64_t{1} << 62;
+  const auto last = into.number(fmt::format("SELECT max(rowid) FROM damaged.{}", table.name));
+  if (const auto done = copy_rows(into, table.name, last && *last > 0 ? *last : any, copied); !done)
+    return Err(done.error());
   return copied;
+}
+
+/// All that can be read of @p file, in a new file that is closed and whole on the disk.
+Archive::Outcome copy_readable(const std::filesystem::path& file, const std::filesystem::path& fresh,
+                               Repaired& repaired) {
+  if (const auto made = open_archive(fresh, ArchiveUse::write); !made) return Err(made.error());
+  auto into = Database::open(fresh, Database::Use::write);
+  if (!into) return Err(into.error().message);
+  auto attach = into->prepare("ATTACH DATABASE ? AS damaged");
+  if (!attach) return Err(attach.error().message);
+  attach->bind(1, file.string());
+  if (const auto attached = attach->run(); !attached) return Err(attached.error().message);
+  bool remake = false;  // the aggregates of all packets that are here
+  for (const Table& table : tables) {
+    const auto copied = copy_table(*into, table);
+    if (!copied) return Err(copied.error());
+    if (&table == &tables.front() && copied->rows == 0 && !copied->complete)
+      return Err(std::string("no packet can be read"));
+    repaired.rows += copied->rows;
+    repaired.lost += copied->lost;
+    if (!copied->complete) repaired.incomplete.emplace_back(table.name);
+    const std::string_view name = table.name;
+    const bool of_aggregates = name == "minutes" || name == "parameters" || name == "dirty";
+    if (of_aggregates && (copied->lost > 0 || !copied->complete)) remake = true;
+  }
+  // The number of a lost name will be another's.
+  auto done = into->run("DELETE FROM minutes WHERE parameter NOT IN (SELECT id FROM parameters)");
+  if (done && remake)
+    done = into->run(
+        "INSERT OR IGNORE INTO dirty(minute, structure) SELECT DISTINCT time/60000000000, structure FROM "
+        "packets WHERE service=3 AND structure IS NOT NULL AND time/60000000000>=coalesce((SELECT minute "
+        "FROM pruned), (SELECT min(time)/60000000000 FROM packets))");
+  if (done) done = into->run("PRAGMA main.wal_checkpoint(TRUNCATE)");
+  if (!done) return Err(done.error().message);
+  return {};
+}
+
+/// The damaged file aside, then the new one in its place.
+Archive::Outcome exchange_files(const std::filesystem::path& file, const std::filesystem::path& fresh,
+                                const std::filesystem::path& damaged) {
+  std::error_code error;
+  for (const char* suffix : {"", "-wal", "-shm"}) {
+    if (!std::filesystem::exists(file.string() + suffix, error)) continue;
+    std::filesystem::rename(file.string() + suffix, damaged.string() + suffix, error);
+    if (error)
+      return Err(fmt::format("{}{}: {}; run archive repair again", file.string(), suffix, error.message()));
+  }
+  std::filesystem::rename(fresh, file, error);
+  if (error) return Err(fmt::format("{}: {}; run archive repair again", file.string(), error.message()));
+  return {};
+}
+
+void remove_unfinished(const std::filesystem::path& fresh) {
+  std::error_code error;
+  for (const char* suffix : {"", "-wal", "-shm"}) std::filesystem::remove(fresh.string() + suffix, error);
 }
 
 }  // namespace
 
 Result<Repaired, std::string> repair_archive(const std::filesystem::path& file) {
-  std::filesystem::path fresh = file;
-  fresh += ".repaired";
+  const std::filesystem::path fresh = repaired_of(file);
   std::error_code error;
-  std::filesystem::remove(fresh, error);
-  {
-    const auto made = open_archive(fresh, ArchiveUse::write);
-    if (!made) return Err(made.error());
-  }
   Repaired repaired;
-  {
-    auto into = Database::open(fresh, Database::Use::write);
-    if (!into) return Err(into.error().message);
-    auto attach = into->prepare("ATTACH DATABASE ? AS damaged");
-    if (!attach) return Err(attach.error().message);
-    attach->bind(1, file.string());
-    if (const auto attached = attach->run(); !attached)
-      return Err(fmt::format("{}: {}", file.string(), attached.error().message));
-    for (const char* table : tables) {
-      const Copied copied = copy_table(*into, table);
-      repaired.rows += copied.rows;
-      repaired.lost += copied.lost;
+  constexpr int nanosecond_digits = 9;
+  repaired.damaged =
+      fmt::format("{}.damaged-{}", file.string(), to_iso8601(system_utc_now(), nanosecond_digits));
+  if (std::filesystem::exists(repaired.damaged, error))
+    return Err(fmt::format("{}: it is there; try again", repaired.damaged.string()));
+  repaired.completed = !std::filesystem::exists(file, error) && std::filesystem::exists(fresh, error);
+  if (!repaired.completed) {
+    if (!std::filesystem::exists(file, error))
+      return Err(fmt::format("{}: there is no archive", file.string()));
+    remove_unfinished(fresh);
+    if (const auto copied = copy_readable(file, fresh, repaired); !copied) {
+      remove_unfinished(fresh);
+      return Err(fmt::format("{}: {}; nothing is changed", file.string(), copied.error()));
     }
-    static_cast<void>(into->run("PRAGMA wal_checkpoint(TRUNCATE)"));
   }
-  repaired.damaged = file;
-  repaired.damaged += ".damaged";
-  for (const char* suffix : {"", "-wal", "-shm"}) {
-    std::filesystem::rename(file.string() + suffix, repaired.damaged.string() + suffix, error);
-  }
-  std::filesystem::rename(fresh, file, error);
-  if (error) return Err(fmt::format("{}: {}", file.string(), error.message()));
-  for (const char* suffix : {"-wal", "-shm"}) std::filesystem::remove(fresh.string() + suffix, error);
+  if (const auto exchanged = exchange_files(file, fresh, repaired.damaged); !exchanged)
+    return Err(exchanged.error());
   return repaired;
 }
 

@@ -130,6 +130,8 @@ class Archive {
   [[nodiscard]] virtual Outcome count_attempt(std::int64_t gap) = 0;
   /// All stores were retrieved completely: what is still missing is not to be had.
   [[nodiscard]] virtual Outcome close_gap(std::int64_t gap) = 0;
+  /// It is not tried any more.
+  [[nodiscard]] virtual Outcome give_up_gap(std::int64_t gap) = 0;
 
   // Minutes: made of raw packets, later.
   struct DirtyMinute {
@@ -140,7 +142,7 @@ class Archive {
   [[nodiscard]] virtual Result<std::optional<DirtyMinute>, std::string> dirty_minute(UtcTime before) = 0;
   [[nodiscard]] virtual Outcome set_minute(const DirtyMinute& minute,
                                            const std::map<std::string, Aggregate>& aggregates) = 0;
-  /// All aggregates are made anew, by a corrected dictionary.
+  /// All aggregates whose packets are here are made anew, by a corrected dictionary.
   [[nodiscard]] virtual Outcome forget_minutes() = 0;
 
   // Reading.
@@ -163,13 +165,13 @@ class Archive {
   // Care.
   /// What is wrong with the file; empty: nothing.
   [[nodiscard]] virtual Result<std::vector<std::string>, std::string> check() = 0;
-  /// Removes what is older. @return how many rows
+  /// Removes what is older; never the newest packet, whose number is not given again. @return how many rows
   [[nodiscard]] virtual Result<std::uint64_t, std::string> prune(const std::string& table,
                                                                  UtcTime before) = 0;
 };
 
 inline constexpr std::string_view archive_name = "archive.sqlite";  ///< in STATE
-inline constexpr std::int64_t archive_schema = 1;
+inline constexpr std::int64_t archive_schema = 2;
 
 enum class ArchiveUse : std::uint8_t { read, write };
 /// Opens or makes an archive in an SQLite file, and brings an older one up to date.
@@ -179,9 +181,14 @@ enum class ArchiveUse : std::uint8_t { read, write };
 struct Repaired {
   std::uint64_t rows = 0;         ///< kept
   std::uint64_t lost = 0;         ///< could not be read
-  std::filesystem::path damaged;  ///< the old file
+  std::filesystem::path damaged;  ///< the old file, never removed
+  /// Tables of which so much is damaged that the number of lost rows is not known.
+  std::vector<std::string> incomplete = {};
+  bool completed = false;  ///< an earlier repair was interrupted, and is complete now; nothing was counted
 };
-/// Copies all rows that can be read into a new file, which takes the place of the damaged one.
+/// Copies all rows that can be read into a new file, which takes the place of the damaged one. May be ended
+/// anywhere: the damaged file is in its place, or the next repair completes this one. After any error that is
+/// not damage (disk full), or when no packet can be read, the damaged file is in its place.
 [[nodiscard]] Result<Repaired, std::string> repair_archive(const std::filesystem::path& file);
 
 }  // namespace srfs::ground

@@ -53,6 +53,13 @@ CREATE TABLE minutes(parameter INTEGER NOT NULL, minute INTEGER NOT NULL, count 
   PRIMARY KEY(parameter, minute)) WITHOUT ROWID;
 CREATE TABLE dirty(minute INTEGER NOT NULL, structure INTEGER NOT NULL,
   PRIMARY KEY(minute, structure)) WITHOUT ROWID;
+)sql",
+                                          R"sql(
+CREATE TABLE pruned(one INTEGER PRIMARY KEY CHECK(one=1),
+  minute INTEGER NOT NULL);      -- of earlier ones, packets were removed: their aggregates stay as they are
+DROP INDEX gap_state;
+CREATE INDEX gap_state ON gaps(state, apid, end);
+CREATE INDEX packet_latest ON packets(service, structure);
 )sql"};
 
 }  // namespace srfs::ground

@@ -16,18 +16,24 @@ namespace srfs::ground {
 /// of each store over the time of a gap. Pure.
 class GapFiller {
  public:
-  static constexpr seconds contact{10};             ///< since the last live packet
-  static constexpr seconds rest{60};                ///< after a retrieval that was not complete
-  static constexpr seconds margin{2};               ///< around a gap: times of packets are not quite in order
+  static constexpr seconds contact{10};  ///< since the last live packet
+  static constexpr seconds rest{60};     ///< after a retrieval that was not complete
+  static constexpr seconds margin{2};    ///< around a gap: times of packets are not quite in order
+  static constexpr seconds settles{60};  ///< a younger gap may still grow
+  static constexpr std::uint32_t attempts_max = 20;
   static constexpr std::chrono::hours longest{48};  ///< a longer gap is a step of the spacecraft's clock
 
   explicit GapFiller(const mission::Dictionary& dictionary)
       : dictionary_(dictionary), commanding_(dictionary) {}
 
+  /// Gaps that can be tried now: those that were tried least come first.
+  [[nodiscard]] static std::vector<StoredGap> to_try(std::vector<StoredGap> open, UtcTime now);
+  [[nodiscard]] static bool is_exhausted(const StoredGap& stored) { return stored.attempts >= attempts_max; }
+
   void on_packet(const ReceivedPacket& received, MonotonicTime now);
   /// Nothing is under way, and there is contact: next() may have something to order.
   [[nodiscard]] bool is_ready(MonotonicTime now) const;
-  /// @param open  oldest first
+  /// @param open  in the order of to_try()
   [[nodiscard]] std::optional<TelecommandText> next(const std::vector<StoredGap>& open, MonotonicTime now);
   /// The order was sent. @param request  nullopt: it could not be
   void on_sent(const std::optional<wire::RequestId>& request, const mission::Command& command,

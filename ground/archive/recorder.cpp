@@ -14,7 +14,6 @@ namespace {
 
 constexpr seconds minute{60};
 constexpr milliseconds fill_period{500};
-constexpr seconds gap_settles{60};
 constexpr std::uint8_t housekeeping = 3;
 
 UtcTime begin_of(std::int64_t minute_number) {
@@ -153,11 +152,11 @@ void Recorder::fill(StationLink& link, MonotonicTime now) {
   if (!filler_->is_ready(now)) return;
   auto open = archive_->gaps({}, true);
   if (!open) return report_unreadable(open.error());
-  // Thinned telemetry makes one gap after the other: they are fetched together.
-  const UtcTime settled = system_utc_now() - gap_settles;
-  std::erase_if(*open, [&](const StoredGap& stored) { return stored.gap.from > settled; });
   const bool begins = filler_->filling().empty();
-  const auto order = filler_->next(*open, now);
+  for (const StoredGap& stored : *open) {
+    if (begins && GapFiller::is_exhausted(stored)) judge(archive_->give_up_gap(stored.id));
+  }
+  const auto order = filler_->next(GapFiller::to_try(std::move(*open), system_utc_now()), now);
   if (!order) return;
   for (const std::int64_t gap : filler_->filling()) {
     if (!begins) break;

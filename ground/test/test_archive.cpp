@@ -511,6 +511,128 @@ TEST_F(ArchiveFile, ForgetsWhatIsOlder) {
   EXPECT_FALSE(archive().prune("sqlite_master", start));
 }
 
+TEST_F(ArchiveFile, NeverGivesTheNumberOfAPacketThatIsForgottenAgain) {
+  for (std::uint16_t i = 0; i < 10; ++i) put(timing(i, start + seconds(i), i));
+  recorder_->commit();
+  EXPECT_EQ(archive().prune("packets", start + seconds(3600)), 9U);
+  recorder_.reset();
+  open();
+  EXPECT_EQ(recorder_->on_packet(timing(10, start + seconds(10), 10), start), 11);
+}
+
+TEST_F(ArchiveFile, KeepsTheMinutesWhosePacketsAreForgotten) {
+  const auto values = [&] {
+    recorder_->commit();
+    while (recorder_->make_minute(start + seconds(3600))) {
+    }
+    std::vector<std::int64_t> counts;
+    for (const Point& point : *archive().minutes("timing.pulses_seen", {}))
+      counts.push_back(static_cast<std::int64_t>(point.values.count));
+    return counts;
+  };
+  for (std::uint16_t i = 0; i < 240; ++i) put(timing(i, start + seconds(i), i));
+  ASSERT_THAT(values(), ElementsAre(60, 60, 60, 60));
+  ASSERT_EQ(archive().prune("packets", start + seconds(90)), 90U);
+
+  ASSERT_TRUE(archive().forget_minutes());
+  EXPECT_THAT(values(), ElementsAre(60, 60, 60, 60)) << "there is nothing to make the first two of";
+  put(timing(10, start + seconds(10), 10, tm_channel::playback));
+  EXPECT_THAT(values(), ElementsAre(60, 60, 60, 60)) << "one packet of a forgotten minute is retrieved";
+  recorder_.reset();
+  open();
+  put(timing(11, start + seconds(11), 11, tm_channel::playback));
+  ASSERT_TRUE(archive().forget_minutes());
+  EXPECT_THAT(values(), ElementsAre(60, 60, 60, 60)) << "a later run knows it";
+}
+
+TEST_F(ArchiveFile, TriesNoMoreOpenGapsOfAProcessThanItsMost) {
+  constexpr int more = 1005;
+  for (int i = 0; i < more; ++i) put(timing(static_cast<std::uint16_t>(3 * i), start + seconds(700 * i), 1));
+  recorder_->commit();
+  EXPECT_EQ(archive().gaps({}, true)->size(), 1000U);
+  const auto all = archive().gaps({}, false);
+  ASSERT_EQ(all->size(), 1004U);
+  EXPECT_EQ(all->front().state, GapState::given_up) << "the oldest";
+  EXPECT_EQ(all->back().state, GapState::open);
+  ASSERT_TRUE(archive().give_up_gap(all->back().id));
+  EXPECT_EQ(archive().gaps({}, false)->back().state, GapState::given_up);
+}
+
+TEST_F(ArchiveFile, BringsAnArchiveOfTheFirstSchemaUpToDate) {
+  put(timing(1, start, 1));
+  recorder_->commit();
+  run("DROP TABLE pruned; DROP INDEX packet_latest; PRAGMA user_version=1");
+  recorder_.reset();
+  open();
+  EXPECT_EQ(archive().prune("packets", start), 0U);
+  EXPECT_EQ(packets().size(), 1U);
+}
+
+class DamagedArchive : public ArchiveFile {
+ protected:
+  void SetUp() override {
+    open();
+    for (std::uint16_t i = 0; i < count; ++i) put(timing(i, start + seconds(i), i));
+    recorder_->commit();
+    recorder_.reset();
+    run("PRAGMA wal_checkpoint(TRUNCATE)");
+  }
+  void rot(std::uintmax_t page) {
+    std::fstream octets(file(), std::ios::in | std::ios::out | std::ios::binary);
+    octets.seekp(static_cast<std::streamoff>(page * 4096));
+    octets << std::string(4096, '\xA5');
+  }
+  void rot_in_the_middle() { rot(std::filesystem::file_size(file()) / 3 / 4096); }
+  static constexpr std::uint16_t count = 2000;
+};
+
+TEST_F(DamagedArchive, KeepsEachDamagedFile) {
+  rot_in_the_middle();
+  const auto first = repair_archive(file());
+  ASSERT_TRUE(first) << first.error();
+  const auto second = repair_archive(file());
+  ASSERT_TRUE(second) << second.error();
+  EXPECT_NE(first->damaged, second->damaged);
+  EXPECT_TRUE(std::filesystem::exists(first->damaged) && std::filesystem::exists(second->damaged));
+  EXPECT_EQ(second->lost, 0U);
+}
+
+TEST_F(DamagedArchive, ChangesNothingWhenNoPacketCanBeRead) {
+  {
+    auto database = Database::open(file(), Database::Use::read);
+    rot(static_cast<std::uintmax_t>(
+        *database->number("SELECT rootpage-1 FROM sqlite_master WHERE name='packets'")));
+  }
+  const auto size = std::filesystem::file_size(file());
+  const auto repaired = repair_archive(file());
+  ASSERT_FALSE(repaired);
+  EXPECT_THAT(repaired.error(), HasSubstr("no packet can be read"));
+  EXPECT_EQ(std::filesystem::file_size(file()), size);
+  EXPECT_FALSE(std::filesystem::exists(file().string() + ".repaired"));
+}
+
+TEST_F(DamagedArchive, EndsWhateverRowNumberItClaims) {
+  run("UPDATE packets SET id=4611686018427387904 WHERE id=2000");
+  run("PRAGMA wal_checkpoint(TRUNCATE)");
+  rot_in_the_middle();
+  const auto repaired = repair_archive(file());
+  ASSERT_TRUE(repaired) << repaired.error();
+  open();
+  EXPECT_GE(packets().size(), count * 9U / 10);
+  EXPECT_EQ(packets({.newest_first = true}).front().id, std::int64_t{1} << 62);
+}
+
+TEST_F(DamagedArchive, CompletesARepairThatWasInterruptedBetweenTheRenames) {
+  std::filesystem::rename(file(), file().string() + ".repaired");
+  for (const ArchiveUse use : {ArchiveUse::read, ArchiveUse::write})
+    EXPECT_THAT(open_archive(file(), use).error(), HasSubstr("interrupted")) << "no new one is begun";
+  const auto repaired = repair_archive(file());
+  ASSERT_TRUE(repaired) << repaired.error();
+  EXPECT_TRUE(repaired->completed);
+  open();
+  EXPECT_EQ(packets().size(), count);
+}
+
 TEST(ArchiveReport, QuotesWhatWouldBreakALineOfValues) {
   EXPECT_EQ(csv_line({"a", "b,c", "say \"x\"", ""}), "a,\"b,c\",\"say \"\"x\"\"\",\r\n");
   EXPECT_EQ(csv_line(nlohmann::json{{"x", {"a", "b"}}, {"n", 5}, {"z", nullptr}}, {"n", "x", "z", "none"}),

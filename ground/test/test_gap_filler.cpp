@@ -108,6 +108,15 @@ TEST_F(Filler, TriesAgainLaterWhatDidNotComeWhole) {
   EXPECT_EQ(order({gap(1, 0, 9)}), "store=housekeeping") << "from the first store on";
 }
 
+TEST_F(Filler, TriesFirstWhatWasTriedLeastAndNothingForEver) {
+  std::vector<StoredGap> open{gap(1, 0, 9), gap(2, 100, 110), gap(3, 200, 210), gap(4, 950, 960)};
+  open[0].attempts = 3;
+  open[1].attempts = GapFiller::attempts_max;
+  std::vector<std::int64_t> ids;
+  for (const StoredGap& stored : GapFiller::to_try(open, start + seconds(1000))) ids.push_back(stored.id);
+  EXPECT_THAT(ids, ElementsAre(3, 1)) << "4 may still grow";
+}
+
 TEST_F(Filler, GivesUpARetrievalThatTheSpacecraftDoesNotAnswer) {
   live();
   order({gap(1, 0, 9)});
