@@ -215,10 +215,14 @@ nlohmann::json ClientHub::send(ClientId id, const Client& client, const nlohmann
   if (ad && client.keys)
     return refusal("the AD service is shared, so it uses the server's keys: leave out --keys or --ad");
   const std::string token = short_text(message.at("token"));
+  // The order of a client whose last server ended before it answered.
   if (hooks_.memory.request_of) {
-    // The order of a client whose last server ended before it answered.
-    if (const auto known = hooks_.memory.request_of(token))
-      return {{"request", serve::to_message(*known)}, {"known", true}};
+    const auto known = hooks_.memory.request_of(token);
+    if (known && *known) return {{"request", serve::to_message(**known)}, {"known", true}};
+    if (!known && message.value("again", false))
+      return refusal("it is not known whether it was sent: " + known.error());
+  } else if (message.value("again", false)) {
+    return refusal("it is not known whether it was sent: this server has no archive");
   }
   const std::uint64_t number = next_number_++;
   if (ad) ad_senders_[number] = {id, of_client};

@@ -36,8 +36,8 @@ class ClientHub {
   struct Memory {
     /// A packet came. @return its number; 0: none
     std::function<std::int64_t(const ReceivedPacket&)> packet;
-    /// The request of a telecommand that was recorded with this token.
-    std::function<std::optional<wire::RequestId>(const std::string& token)> request_of;
+    /// The request of a telecommand that was recorded with this token. An error: it is not known.
+    std::function<Result<std::optional<wire::RequestId>, std::string>(const std::string& token)> request_of;
     /// The packets that came after one, in order.
     std::function<void(std::int64_t id, const std::function<void(std::int64_t, const ReceivedPacket&)>&)>
         packets_after;

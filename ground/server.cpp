@@ -92,7 +92,7 @@ void Server::run(DirectLink& link, const OpenPort& open_port, const wire::FopSet
   link.set_octets_output([&hub](OctetView octets) { hub.on_octets(octets); });
   if (recorder != nullptr) {
     link.set_made_output([recorder](const auto& order, const auto& request, bool scheduled) {
-      recorder->on_telecommand(order, request, scheduled, system_utc_now());
+      static_cast<void>(recorder->on_telecommand(order, request, scheduled, system_utc_now()));
     });
   }
   link.queue_for_line();

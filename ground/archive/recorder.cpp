@@ -88,8 +88,8 @@ std::int64_t Recorder::on_packet(const ReceivedPacket& packet, UtcTime now) {
   return 0;
 }
 
-void Recorder::on_telecommand(const TelecommandOrder& order, const wire::RequestId& request, bool scheduled,
-                              UtcTime now) {
+Archive::Outcome Recorder::on_telecommand(const TelecommandOrder& order, const wire::RequestId& request,
+                                          bool scheduled, UtcTime now) {
   auto outcome = archive_->add(TelecommandEntry{.token = order.token,
                                                 .request = request,
                                                 .sent = now,
@@ -100,6 +100,7 @@ void Recorder::on_telecommand(const TelecommandOrder& order, const wire::Request
                                                 .scheduled = scheduled});
   if (outcome) outcome = commit_all();
   judge(outcome);
+  return outcome;
 }
 
 void Recorder::on_file(const cfdp::News& news, UtcTime now) {
@@ -175,10 +176,10 @@ void Recorder::fill(StationLink& link, MonotonicTime now) {
   filler_->on_sent(sent ? std::optional(*sent) : std::nullopt, *encoded->command, now);
 }
 
-std::optional<wire::RequestId> Recorder::request_of(const std::string& token) {
+Result<std::optional<wire::RequestId>, std::string> Recorder::request_of(const std::string& token) {
   const auto found = archive_->request_of(token);
   if (!found) report_unreadable(found.error());
-  return found ? *found : std::nullopt;
+  return found;
 }
 
 void Recorder::packets_after(std::int64_t id, std::size_t most,

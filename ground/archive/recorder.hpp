@@ -26,9 +26,9 @@ class Recorder {
 
   /// @return the packet's number in the archive; 0: a copy of one that is there, or the archive fails
   std::int64_t on_packet(const ReceivedPacket& packet, UtcTime now);
-  /// Before it is written to the line; it is in the archive when this returns.
-  void on_telecommand(const TelecommandOrder& order, const wire::RequestId& request, bool scheduled,
-                      UtcTime now);
+  /// Before it is written to the line; it is in the archive when this returns without an error.
+  Archive::Outcome on_telecommand(const TelecommandOrder& order, const wire::RequestId& request,
+                                  bool scheduled, UtcTime now);
   void on_file(const cfdp::News& news, UtcTime now);
   /// What was recorded before survives the process's death when this has returned. Before anything of it is
   /// shown.
@@ -36,7 +36,8 @@ class Recorder {
   /// Makes the aggregates of one minute that is over, if any. @return whether there was one
   bool make_minute(UtcTime now);
 
-  [[nodiscard]] std::optional<wire::RequestId> request_of(const std::string& token);
+  /// An error: it is not known. Ready to print.
+  [[nodiscard]] Result<std::optional<wire::RequestId>, std::string> request_of(const std::string& token);
   /// Packets that came after one, in order, at most so many.
   void packets_after(std::int64_t id, std::size_t most, const std::function<void(const StoredPacket&)>& take);
   [[nodiscard]] Archive& archive() { return *archive_; }

@@ -98,11 +98,11 @@ class ArchiveFile : public ::testing::Test {
   }
   void order(const std::string& token, wire::RequestId request) {
     const auto encoded = dictionary().encode("eps.switch_load", {"load=2", "state=on"});
-    recorder_->on_telecommand({.command = *encoded,
-                               .arguments = {"load=2", "state=on"},
-                               .who = "pid 1 of user 0, tc",
-                               .token = token},
-                              request, false, start);
+    EXPECT_TRUE(recorder_->on_telecommand({.command = *encoded,
+                                           .arguments = {"load=2", "state=on"},
+                                           .who = "pid 1 of user 0, tc",
+                                           .token = token},
+                                          request, false, start));
   }
 
   testing_support::TemporaryFolder folder_;
@@ -165,8 +165,20 @@ TEST_F(ArchiveFile, SaysThatNoReportCameOnlyWhenItsTimeIsOver) {
 
 TEST_F(ArchiveFile, KnowsATelecommandByItsToken) {
   order("a", {0x1811, 0xC005});
-  EXPECT_EQ(recorder_->request_of("a"), (wire::RequestId{0x1811, 0xC005}));
-  EXPECT_EQ(recorder_->request_of("b"), std::nullopt);
+  EXPECT_EQ(*recorder_->request_of("a"), (wire::RequestId{0x1811, 0xC005}));
+  EXPECT_EQ(*recorder_->request_of("b"), std::nullopt);
+}
+
+TEST_F(ArchiveFile, SaysThatItDoesNotKnowATelecommandWhenItFails) {
+  run("CREATE TRIGGER fails BEFORE INSERT ON telecommands BEGIN SELECT RAISE(ABORT, 'no room'); END");
+  const auto encoded = dictionary().encode("eps.switch_load", {"load=2", "state=on"});
+  const auto recorded = recorder_->on_telecommand(
+      {.command = *encoded, .arguments = {"load=2", "state=on"}, .who = "tc", .token = "a"}, {0x1811, 0xC005},
+      false, start);
+  ASSERT_FALSE(recorded);
+  EXPECT_THAT(recorded.error(), HasSubstr("no room"));
+  run("DROP TABLE telecommands");
+  EXPECT_FALSE(recorder_->request_of("a"));
 }
 
 TEST_F(ArchiveFile, FindsGapsAndFillsThemWithWhatIsRetrieved) {
@@ -526,8 +538,8 @@ TEST_F(ArchiveFile, KeepsTheMinutesWhosePacketsAreForgotten) {
     while (recorder_->make_minute(start + seconds(3600))) {
     }
     std::vector<std::int64_t> counts;
-    for (const Point& point : *archive().minutes("timing.pulses_seen", {}))
-      counts.push_back(static_cast<std::int64_t>(point.values.count));
+    const auto points = archive().minutes("timing.pulses_seen", {});
+    for (const Point& point : *points) counts.push_back(static_cast<std::int64_t>(point.values.count));
     return counts;
   };
   for (std::uint16_t i = 0; i < 240; ++i) put(timing(i, start + seconds(i), i));

@@ -121,7 +121,7 @@ class Hub : public ::testing::Test {
     say(id, {{"type", type}, {"call", ++calls_}, {"vr", 7}});
     return next(id, "reply");
   }
-  nlohmann::json send(ClientId id, std::uint64_t number, bool ad) {
+  nlohmann::json send(ClientId id, std::uint64_t number, bool ad, bool again = false) {
     say(id, {{"type", "send"},
              {"call", ++calls_},
              {"name", "eps.switch_load"},
@@ -132,6 +132,7 @@ class Hub : public ::testing::Test {
              {"arguments", {"load=2"}},
              {"number", number},
              {"ad", ad},
+             {"again", again},
              {"token", "t" + std::to_string(calls_)}});
     return next(id, "reply");
   }
@@ -157,6 +158,14 @@ TEST_F(Hub, SendsTheTelecommandsOfAllClientsInTheOrderOfTheirComing) {
   EXPECT_NE(serve::request_of(one["request"]), serve::request_of(two["request"]));
   EXPECT_EQ(link_.sent.size(), 2U);
   EXPECT_TRUE(next(first).is_null()) << "what another client sends is not its matter";
+}
+
+TEST_F(Hub, RefusesARepeatedOrderWhenNobodyKnowsWhetherItWasSent) {
+  const ClientId id = client();
+  EXPECT_THAT(send(id, 1, false, true)["error"].get<std::string>(), HasSubstr("no archive"));
+  EXPECT_TRUE(link_.sent.empty());
+  EXPECT_TRUE(send(id, 2, false).contains("request"));
+  EXPECT_EQ(link_.sent.size(), 1U);
 }
 
 TEST_F(Hub, TellsWhyATelecommandWasNotSent) {
