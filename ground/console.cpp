@@ -287,6 +287,8 @@ Exit Console::exchange(const TelecommandText& telecommand, std::optional<millise
 Exit Console::exchange_once(const TelecommandText& telecommand, std::optional<milliseconds> timeout) {
   quiet_telemetry_ = true;
   exchanging_ = true;
+  const mission::Command* const command = dictionary_.command(telecommand.name);
+  exchanged_service_ = command != nullptr ? command->service : std::uint8_t{0};
   answers_.clear();
   send(telecommand.name, telecommand.arguments, timeout);
   if (failed_to_send_) return Exit::unusable;
@@ -576,8 +578,8 @@ void Console::on_telemetry(const TelemetryReport& report) {
   if (on_installation(report)) return;
   pong_ = pong_ || report.kind == TelemetryKind::pong;
   if (exchanging_) {
-    const bool answers =
-        report.kind == TelemetryKind::report || report.name == mission::ParameterGenerationHousekeeping::name;
+    const bool answers = (report.kind == TelemetryKind::report && report.service == exchanged_service_) ||
+                         report.name == mission::ParameterGenerationHousekeeping::name;
     if (!answers && !(report.kind == TelemetryKind::event && report.name.starts_with("parameter."))) return;
     if (answers) answers_.push_back(report);
     if (options_.json) return write_json(to_json(report));

@@ -165,7 +165,8 @@ class Console {
   AdPhase told_phase_ = AdPhase::off;
   bool asks_for_clcw_ = false;
   std::optional<Retrieval> last_retrieval_;
-  bool exchanging_ = false;  // only answers and failures are shown
+  bool exchanging_ = false;             // only answers and failures are shown
+  std::uint8_t exchanged_service_ = 0;  // the telecommand's: other services report by themselves
   std::vector<TelemetryReport> answers_;
   std::string awaited_name_;  // of a file that is to come down
   std::optional<cfdp::TransactionId> awaited_file_;
