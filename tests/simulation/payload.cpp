@@ -60,7 +60,9 @@ Payload::Payload(Host& host, PayloadSurroundings surroundings)
       timer_(host.kernel(), host.guard(), [this] {
         pump();
         run(cycle_->on_deadline(host_.now()));
-      }) {
+      }) {}
+
+void Payload::start() {
   restore();
   open_topics();
   host_.every(report_period, [this] { flush_reports(); });

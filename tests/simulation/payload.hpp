@@ -49,6 +49,7 @@ class Payload final : public Program {
  public:
   Payload(Host& host, PayloadSurroundings surroundings);
   ~Payload() override;
+  void start() override;
 
   /// It may write to the bus now, as far as its handle lets it.
   [[nodiscard]] bool may_write() const { return leased_.granted(host_.now()) && cycle_->holds_bus(); }

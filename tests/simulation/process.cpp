@@ -34,7 +34,10 @@ void Host::begin(nanoseconds delay) {
     well_since_ = now();
     page_.state = page_.desired;
     if (observer_) observer_(*this);
-    run([this] { program_ = make_(*this); });
+    run([this] {
+      program_ = make_(*this);
+      if (program_) program_->start();
+    });
   });
 }
 
@@ -77,7 +80,12 @@ void Host::go_on() {
   }
 }
 
+void Host::kill_at_action(std::uint32_t actions) {
+  if (state_ != State::down) kill_in_ = actions;
+}
+
 void Host::stop_at_action(std::uint32_t actions, nanoseconds duration) {
+  if (state_ == State::down) return;
   stop_in_ = actions;
   stop_for_ = duration;
 }

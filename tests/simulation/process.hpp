@@ -20,6 +20,9 @@ namespace srfs::simulation {
 class Program {
  public:
   virtual ~Program() = default;
+  /// Begins its work. The process may be killed in it, not in the constructor: what is only in part there has
+  /// no destructor.
+  virtual void start() {}
 };
 
 /// One node's place: the process that runs there now, if there is one. Played are: that it ends between any
@@ -63,8 +66,8 @@ class Host {
   void discard() { program_.reset(); }
   void stop(bool for_want_of_cpu);
   void go_on();
-  /// The next handler ends, or stops, before its action number @p actions.
-  void kill_at_action(std::uint32_t actions) { kill_in_ = actions; }
+  /// It ends, or stops, before its action number @p actions from now on. For the process that is there now.
+  void kill_at_action(std::uint32_t actions);
   void stop_at_action(std::uint32_t actions, nanoseconds duration);
 
   // ---- for its program

@@ -173,6 +173,9 @@ Ring::Member::Member(Host& host, Ring& ring)
         return CpuTotals{subject.waited(), nanoseconds(0), subject.waited()};
       });
   ring_.join(*this);
+}
+
+void Ring::Member::start() {
   act();
   period_.arm(due_);
 }

@@ -74,6 +74,7 @@ class Ring::Member {
   ~Member();
   Member(const Member&) = delete;
   Member& operator=(const Member&) = delete;
+  void start();
   [[nodiscard]] Host& host() { return host_; }
 
  private:

@@ -34,6 +34,10 @@ class NodeProcess final : public Program {
  public:
   NodeProcess(Host& host, Ring& ring, std::unique_ptr<Program> logic)
       : logic_(std::move(logic)), ring_(host, ring) {}
+  void start() override {
+    if (logic_) logic_->start();
+    ring_.start();
+  }
   [[nodiscard]] Program* logic() { return logic_.get(); }
 
  private:

@@ -26,7 +26,9 @@ Switcher::Switcher(Host& host, SwitcherSurroundings surroundings)
       substitute_(host.kernel(), host.guard(), [this] { on_tick_missing(); }),
       fence_wait_(host.kernel(), host.guard(), [this] { run(fence_.on_wait_over()); }),
       last_heard_(host.now()),
-      watches_(around_.slots.size()) {
+      watches_(around_.slots.size()) {}
+
+void Switcher::start() {
   make_rotation();
   around_.topics.bus_status.subscribe(host_, [this](const auto& m, Host&) { on_bus_status(m); });
   around_.topics.time_tick.subscribe(host_, [this](const auto& m, Host&) { on_tick(m); });

@@ -52,6 +52,7 @@ class Switcher final : public Program {
  public:
   Switcher(Host& host, SwitcherSurroundings surroundings);
   ~Switcher() override;
+  void start() override;
   [[nodiscard]] const TaskFlagRotation& rotation() const { return *rotation_; }
   [[nodiscard]] const TickHoldover& holdover() const { return holdover_; }
 

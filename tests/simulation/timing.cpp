@@ -31,7 +31,9 @@ Timing::Timing(Host& host, TimingSurroundings surroundings)
       feeding_(tick_period, late_tick),
       critical_(names_of(around_.critical), host.incarnation(),
                 watchdog_budget(milliseconds(100), 5, milliseconds(3000)).evidence_lifetime),
-      tick_(host.kernel(), host.guard(), [this] { on_tick_due(); }) {
+      tick_(host.kernel(), host.guard(), [this] { on_tick_due(); }) {}
+
+void Timing::start() {
   const ClockStart start = read_records();
   clock_.emplace(start.utc, host_.now());
   timekeeper_.emplace(PulseClockSettings{}, start, host_.now(), *clock_);

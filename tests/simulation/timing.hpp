@@ -52,6 +52,7 @@ class Timing final : public Program {
  public:
   Timing(Host& host, TimingSurroundings surroundings);
   ~Timing() override;
+  void start() override;
   [[nodiscard]] const TimeDiscipline& time() const { return timekeeper_->time(); }
 
  private:

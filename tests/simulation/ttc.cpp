@@ -37,7 +37,9 @@ Ttc::Ttc(Host& host, TtcSurroundings surroundings)
         core_->on_deadline(host_.now());
         core_->on_line_idle(host_.now());
         advance();
-      }) {
+      }) {}
+
+void Ttc::start() {
   core_.emplace(read_setup());
   core_->restore(host_.now());
   run(core_->take_actions());

@@ -59,6 +59,7 @@ class Ttc final : public Program {
  public:
   Ttc(Host& host, TtcSurroundings surroundings);
   ~Ttc() override;
+  void start() override;
   [[nodiscard]] const TtcCore& core() const { return *core_; }
   /// Octets came up the line.
   void on_line(const Octets& octets);

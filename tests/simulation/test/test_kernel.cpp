@@ -136,6 +136,31 @@ TEST_F(SimulationProcess, AKillBetweenTwoActionsEndsTheHandlerThere) {
   EXPECT_EQ(writer.state(), Host::State::down);
 }
 
+TEST_F(SimulationProcess, AProcessThatIsKilledWhileItStartsLeavesNothing) {
+  struct Started final : Program {
+    Started(Host& host, int& alive) : host_(host), alive_(alive) { ++alive_; }
+    ~Started() override { --alive_; }
+    void start() override { host_.action_point(); }
+    Host& host_;
+    int& alive_;
+  };
+  int alive = 0;
+  Host host{kernel, Lane::ttc, [&alive](Host& h) { return std::make_unique<Started>(h, alive); }};
+  host.kill_at_action(0);  // there is no process yet
+  begin(host);
+  run_for(seconds(1));
+  EXPECT_TRUE(host.runs());
+  EXPECT_EQ(alive, 1);
+  host.end("SIGKILL");
+  EXPECT_EQ(alive, 0);
+
+  begin(host);
+  host.kill_at_action(0);
+  run_for(seconds(1));
+  EXPECT_EQ(host.state(), Host::State::down);
+  EXPECT_EQ(alive, 0);
+}
+
 TEST_F(SimulationProcess, TwoProcessesOfOneNodeAreAViolation) {
   begin(writer);
   EXPECT_THROW(writer.begin(milliseconds(1)), Violation);
