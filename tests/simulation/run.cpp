@@ -85,6 +85,7 @@ RunOutcome run(const RunSettings& settings) {
   outcome.ticks = spacecraft.newest_cycle();
   outcome.slots = spacecraft.ledger().granted;
   outcome.boots = spacecraft.boots();
+  outcome.journal_cut = spacecraft.ttc_flash().cut;
   outcome.telecommands = spacecraft.commands().counters().sent;
   outcome.completed = spacecraft.commands().counters().completed;
   for (std::size_t i = 0; i < spacecraft.node_count(); ++i)

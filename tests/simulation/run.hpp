@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <cstdio>
 #include <optional>
@@ -34,6 +35,8 @@ struct RunOutcome {
   std::uint64_t starts = 0;     ///< of processes
   std::uint32_t boots = 0;
   std::uint64_t faults = 0;  ///< injected
+  /// Writes of ttc's journal in which its process ended: nothing was written, written, written and synced.
+  std::array<std::uint64_t, 3> journal_cut{};
 };
 
 [[nodiscard]] RunOutcome run(const RunSettings& settings);

@@ -124,7 +124,7 @@ Spacecraft::Spacecraft(Kernel& kernel)
            {},
            {}},
       key_(std::array<std::uint8_t, wire::sdls_key_octets>{7}),
-      ttc_flash_(kernel.random("flash").next()),
+      ttc_flash_(kernel),
       commands_(kernel, dictionary(), link_),
       owners_(payload_count, 0) {
   for (std::size_t i = 0; i < payload_count; ++i) {

@@ -70,6 +70,7 @@ class Spacecraft {
   [[nodiscard]] CanLine& can() { return can_; }
   [[nodiscard]] Disk& disk() { return disk_; }
   [[nodiscard]] Gps& gps() { return gps_; }
+  [[nodiscard]] const TtcFlash& ttc_flash() const { return ttc_flash_; }
   [[nodiscard]] Station& station() { return *station_; }
   [[nodiscard]] CommandRecord& commands() { return commands_; }
   [[nodiscard]] Ring& ring() { return *ring_; }

@@ -29,10 +29,25 @@ void TtcFlash::lose_power() {
   }
 }
 
+bool EndingMedium::has_ended() {
+  return left_ && (*left_ == 0 || (*left_)-- == 0);
+}
+
+Result<void, FileError> EndingMedium::write(unsigned segment, std::size_t offset, OctetView octets) {
+  if (has_ended()) return Err(FileError{"the process has ended"});
+  return medium_.write(segment, offset, octets);
+}
+
+Result<void, FileError> EndingMedium::sync(unsigned segment) {
+  if (has_ended()) return Err(FileError{"the process has ended"});
+  return medium_.sync(segment);
+}
+
 Ttc::Ttc(Host& host, TtcSurroundings surroundings)
     : host_(host),
       around_(std::move(surroundings)),
-      log_(around_.flash.journal),
+      medium_(around_.flash.journal),
+      log_(medium_),
       timer_(host.kernel(), host.guard(), [this] {
         core_->on_deadline(host_.now());
         core_->on_line_idle(host_.now());
@@ -49,9 +64,14 @@ void Ttc::start() {
   advance();
 }
 
-/// A kill or power cut in the middle of a write: it may have been done.
+/// A kill or power cut in the middle of a write: nothing of it was done, or it was not synced, or all was.
 Ttc::~Ttc() {
-  if (journal_jobs_.empty() || (host_.pid() & 1) != 0 || around_.flash.journal.failing) return;
+  TtcFlash& flash = around_.flash;
+  flash.journal.failing = around_.disk.failing();
+  if (journal_jobs_.empty() || flash.journal.failing) return;
+  const auto calls = static_cast<unsigned>(flash.in_flight.below(flash.cut.size()));
+  ++flash.cut.at(calls);
+  medium_.end_after(calls);
   const JournalBatch& batch = journal_jobs_.front();
   (void)(batch.snapshot ? log_.snapshot(*batch.snapshot) : log_.append(batch.records, batch.sync));
 }

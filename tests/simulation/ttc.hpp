@@ -16,13 +16,31 @@
 
 namespace srfs::simulation {
 
+/// Lets so many calls through to a medium; then the process that makes them has ended.
+class EndingMedium final : public JournalMedium {
+ public:
+  explicit EndingMedium(JournalMedium& medium) : medium_(medium) {}
+  void end_after(unsigned calls) { left_ = calls; }
+  [[nodiscard]] Octets read(unsigned segment) override { return medium_.read(segment); }
+  Result<void, FileError> write(unsigned segment, std::size_t offset, OctetView octets) override;
+  Result<void, FileError> sync(unsigned segment) override;
+
+ private:
+  [[nodiscard]] bool has_ended();
+  JournalMedium& medium_;
+  std::optional<unsigned> left_;  ///< nullopt: all
+};
+
 /// The medium of ttc's journal: what was written and not synced is lost with the power, in any order, whole
 /// or in part; not with the process. The other state of ttc that is no text file.
 struct TtcFlash {
-  explicit TtcFlash(std::uint64_t seed) : journal(seed) {}
+  explicit TtcFlash(Kernel& kernel)
+      : journal(kernel.random("flash").next()), in_flight(kernel.random("journal in flight")) {}
   testing_support::SimulatedMedium journal;
   LinkState link_copy;
   wire::TmFrameCounts frame_counts;  ///< in the mapped page: outlives the process, and what is read at a boot
+  Random in_flight;                  ///< how far a write came in which the process ended
+  std::array<std::uint64_t, 3> cut{};  ///< of them: nothing was written, written, written and synced
   void lose_power();
 };
 
@@ -101,6 +119,7 @@ class Ttc final : public Program {
 
   Host& host_;
   TtcSurroundings around_;
+  EndingMedium medium_;
   JournalLog log_;
   std::optional<TtcCore> core_;
   ActionQueue<TtcAction> actions_;
