@@ -62,7 +62,12 @@ struct Step {
 /// Thrown where an invariant does not hold; ends the run.
 struct Violation {
   std::string requirement;  ///< of docs/evidence/requirements.md
-  std::string text;
+  std::string text;         ///< which of its checks; after a colon what differs from case to case
+  /// The same check failed.
+  [[nodiscard]] bool is_like(const Violation& other) const {
+    return requirement == other.requirement &&
+           text.substr(0, text.find(':')) == other.text.substr(0, other.text.find(':'));
+  }
 };
 
 /// Time, and what happens in it. Events happen one after the other, in the order of their time and, at the

@@ -136,6 +136,10 @@ int main(int argc, char** argv) {
   app.add_option("--stop-at", options.stop_at_s,
                  "seconds of virtual time after which a run ends, instead of --days");
   app.add_flag("!--no-shrink", options.shrink, "a violation keeps all its faults");
-  CLI11_PARSE(app, argc, argv);
+  try {
+    app.parse(argc, argv);
+  } catch (const CLI::ParseError& e) {
+    return app.exit(e) == 0 ? 0 : misused;
+  }
   return simulate(options);
 }

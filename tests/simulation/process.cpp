@@ -14,7 +14,7 @@ nanoseconds Host::waited() const {
 }
 
 void Host::begin(nanoseconds delay) {
-  if (state_ != State::down) throw Violation{"C6a", "two processes of " + name()};
+  if (state_ != State::down) throw Violation{"C6a", "two processes: " + name()};
   state_ = State::starting;
   // Numbers are never used again, so they say which start this is.
   pid_ = static_cast<pid_t>(100 + 100 * static_cast<int>(lane_) + static_cast<int>(starts_++) * 2000);

@@ -2,6 +2,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "tests/simulation/run.hpp"
 
+#include <exception>
+
 #include <fmt/format.h>
 
 #include "tests/simulation/fault_injector.hpp"
@@ -39,18 +41,18 @@ class CalmCheck {
     spacecraft_.commands().check_ends(begun_);
     for (std::size_t i = 0; i < spacecraft_.node_count(); ++i) {
       const Host& host = spacecraft_.host(static_cast<Lane>(i));
-      if (!host.runs()) throw Violation{"F4", host.name() + " does not run long after the last fault"};
+      if (!host.runs()) throw Violation{"F4", "it does not run long after the last fault: " + host.name()};
     }
     constexpr std::uint64_t expected = look / milliseconds(100);
     if (spacecraft_.newest_cycle() < cycle_ + expected - 1)
       throw Violation{
-          "F1", fmt::format("{} ticks in {} s", spacecraft_.newest_cycle() - cycle_, look / seconds(1))};
+          "F1", fmt::format("ticks: {} in {} s", spacecraft_.newest_cycle() - cycle_, look / seconds(1))};
     const auto& ledger = spacecraft_.ledger();
     if (ledger.granted < granted_ + expected - 2)
-      throw Violation{"E4", fmt::format("{} slots in {} s", ledger.granted - granted_, look / seconds(1))};
+      throw Violation{"E4", fmt::format("slots: {} in {} s", ledger.granted - granted_, look / seconds(1))};
     if (ledger.released < released_ + expected / 2)
-      throw Violation{"M3", fmt::format("{} slots were released in {} s", ledger.released - released_,
-                                        look / seconds(1))};
+      throw Violation{
+          "M3", fmt::format("released slots: {} in {} s", ledger.released - released_, look / seconds(1))};
   }
 
   Kernel& kernel_;
@@ -76,6 +78,9 @@ RunOutcome run(const RunSettings& settings) {
     kernel.run_until(begin + settings.duration);
   } catch (const Violation& violation) {
     outcome.violation = violation;
+    outcome.diagram = kernel.diagram();
+  } catch (const std::exception& error) {  // of a class that is flown, or of the simulation
+    outcome.violation = Violation{"no exception", std::string("it was thrown: ") + error.what()};
     outcome.diagram = kernel.diagram();
   }
   outcome.at = kernel.now() - begin;
@@ -106,7 +111,7 @@ FaultSet shrink(const RunSettings& settings, const RunOutcome& failed) {
       if (!smaller.faults[i]) continue;
       smaller.faults.reset(i);
       const RunOutcome outcome = run(smaller);
-      if (outcome.violation && outcome.violation->requirement == failed.violation->requirement) {
+      if (outcome.violation && outcome.violation->is_like(*failed.violation)) {
         again = true;
       } else {
         smaller.faults.set(i);

@@ -41,7 +41,7 @@ struct RunOutcome {
 
 [[nodiscard]] RunOutcome run(const RunSettings& settings);
 
-/// The fewest faults with which the run still violates the same requirement: each fault that is not needed is
+/// The fewest faults with which the run still fails in the same check: each fault that is not needed is
 /// left out, until none can be.
 [[nodiscard]] FaultSet shrink(const RunSettings& settings, const RunOutcome& failed);
 

@@ -60,6 +60,13 @@ TEST(SimulationKernel, EveryStepChangesTheHash) {
   EXPECT_NE(one.hash(), other.hash());
 }
 
+TEST(SimulationKernel, ViolationsAreAlikeWhereTheSameCheckFailed) {
+  const Violation twice{"L4", "executed twice: eps.switch_load"};
+  EXPECT_TRUE(twice.is_like({"L4", "executed twice: adcs.reset_peripheral"}));
+  EXPECT_FALSE(twice.is_like({"L4", "it was accepted and has no end: eps.switch_load"}));
+  EXPECT_FALSE(twice.is_like({"L4a", "executed twice: eps.switch_load"}));
+}
+
 struct SimulationProcess : testing::Test {
   void begin(Host& host) {
     host.set_observer([this](Host& h) { h.runs() ? network.on_begin(h) : disk.on_end(h); });
