@@ -76,16 +76,16 @@ Result<void, hw::CanError> CanLine::submit(CanHandle& handle, const hw::CanFrame
       return Err(hw::CanError::bus_off);
   }
   if (handle.host_ != nullptr) {
-    owners_.push_back({&handle, handle.pid_});
-    if (tap_) tap_(handle.pid_);
+    owners_.push_back({&handle, handle.host_->lane(), handle.pid_});
+    if (tap_) tap_(handle.host_->lane());
   }
   deadline_.arm(arbiter_.next_deadline());
   return {};
 }
 
-std::size_t CanLine::waiting_of(pid_t pid) const {
+std::size_t CanLine::waiting_of(Lane node) const {
   return static_cast<std::size_t>(
-      std::count_if(owners_.begin(), owners_.end(), [pid](const Owner& o) { return o.pid == pid; }));
+      std::count_if(owners_.begin(), owners_.end(), [node](const Owner& o) { return o.node == node; }));
 }
 
 /// Takes back what waits of the whole computer: its interface has one queue.

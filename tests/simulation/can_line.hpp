@@ -30,10 +30,10 @@ class CanLine {
   void set_faults(const sim::BusFaults& faults) { arbiter_.set_faults(faults); }
   void force_bus_off();
   [[nodiscard]] const sim::BusArbiter& arbiter() const { return arbiter_; }
-  /// Frames of the computer that wait, or are on the wire, by the process that wrote them.
-  [[nodiscard]] std::size_t waiting_of(pid_t pid) const;
-  /// Sees each frame of the computer where its time on the wire begins or it is queued.
-  void set_tap(std::function<void(pid_t writer)> tap) { tap_ = std::move(tap); }
+  /// Frames of the computer that wait, or are on the wire, of all processes that the node had.
+  [[nodiscard]] std::size_t waiting_of(Lane node) const;
+  /// Sees each frame of the computer where it is queued.
+  void set_tap(std::function<void(Lane writer)> tap) { tap_ = std::move(tap); }
   /// The computer lost its power: what waits in its controller is gone.
   void lose_computer();
 
@@ -41,6 +41,7 @@ class CanLine {
   friend class CanHandle;
   struct Owner {
     CanHandle* handle = nullptr;  ///< nullptr: closed since
+    Lane node = Lane::world;
     pid_t pid = 0;
   };
   [[nodiscard]] Result<void, hw::CanError> submit(CanHandle& handle, const hw::CanFrame& frame);
@@ -58,7 +59,7 @@ class CanLine {
   std::deque<Owner> owners_;  ///< of the frames of the computer, in their order
   std::vector<CanHandle*> handles_;
   Deadline deadline_;
-  std::function<void(pid_t writer)> tap_;
+  std::function<void(Lane writer)> tap_;
 };
 
 /// hw::CanBus over the played line.

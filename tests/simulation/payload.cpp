@@ -8,6 +8,7 @@ namespace srfs::simulation {
 namespace {
 
 constexpr unsigned process_worker_capacity = 4;
+constexpr std::size_t remembered_grants = 10'000;
 constexpr nanoseconds report_period = milliseconds(200);
 
 std::uint64_t pack(GrantId grant) {
@@ -206,8 +207,9 @@ void Payload::carry_out(const OpenBus& action) {
   frames_sent_ = 0;
   frames_received_ = 0;
   awaiting_quiet_ = false;
-  if (!leased_.begin(grant_, action.lease_end))
+  if (!around_.opened.insert(grant_).second || !leased_.begin(grant_, action.lease_end))
     throw Violation{"M4", "a grant was used twice: " + host_.name()};
+  if (around_.opened.size() > remembered_grants) around_.opened.erase(around_.opened.begin());
 }
 
 void Payload::carry_out(const CloseBus& /*action*/) {

@@ -4,6 +4,7 @@
 
 #include <memory>
 #include <optional>
+#include <set>
 
 #include "base/action_queue.hpp"
 #include "base/bounded_queue.hpp"
@@ -34,7 +35,8 @@ struct PayloadSurroundings {
   CanLine& can;
   Disk& disk;
   PowerLine& power;
-  bool& ids_lost;  ///< the mark on tmpfs
+  bool& ids_lost;                   ///< the mark on tmpfs
+  std::set<std::uint64_t>& opened;  ///< the newest grants with which the bus was opened, by whomever
   const std::vector<suite::Slot>& slots;
   Host& switcher;
   Host& ttc;  ///< reports wait until it hears them

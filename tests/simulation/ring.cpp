@@ -56,6 +56,7 @@ void Ring::on_process(Host& host) {
 }
 
 void Ring::lose_power() {
+  ++boots_;
   subjects_.assign(members_.size(), {});
   last_deaf_kill_.reset();
 }
@@ -63,8 +64,8 @@ void Ring::lose_power() {
 void Ring::start_all() {
   nanoseconds after{0};
   for (std::size_t i = 0; i < members_.size(); ++i) {
-    kernel_.later(after, [this, i] {
-      if (members_[i]->state() != Host::State::down || subjects_[i].lock != 0) return;
+    kernel_.later(after, [this, i, boot = boots_] {
+      if (boots_ != boot || subjects_[i].lock != 0) return;  // without power again; another one starts it
       suite::count_start(subjects_[i].deaths, kernel_.now());
       members_[i]->begin(start_time());
     });
@@ -133,7 +134,6 @@ void Ring::kill_and_start(std::size_t i, std::size_t observer, pid_t pid, const 
   kernel_.later(random_.between(milliseconds(1), milliseconds(20)), [this, i, observer, pid, accusation] {
     if (subjects_[i].lock != pid) return;  // it died between kill and start
     subjects_[i].lock = 0;
-    if (members_[i]->pid() != 0) return;
     suite::count_start(subjects_[i].deaths, kernel_.now());
     ++restarts_;
     members_[i]->begin(start_time());

@@ -64,7 +64,8 @@ class Ring {
   std::vector<Subject> subjects_;
   std::optional<MonotonicTime> last_deaf_kill_;
   std::uint64_t restarts_ = 0;
-  bool quiet_ = false;  ///< no fault for long: nobody is to be accused
+  std::uint32_t boots_ = 0;  ///< times that the power was lost
+  bool quiet_ = false;       ///< no fault for long: nobody is to be accused
 };
 
 /// One node's half of the ring (RingMonitor), in its process.

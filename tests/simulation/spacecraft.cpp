@@ -125,8 +125,7 @@ Spacecraft::Spacecraft(Kernel& kernel)
            {}},
       key_(std::array<std::uint8_t, wire::sdls_key_octets>{7}),
       ttc_flash_(kernel),
-      commands_(kernel, dictionary(), link_),
-      owners_(payload_count, 0) {
+      commands_(kernel, dictionary(), link_) {
   for (std::size_t i = 0; i < payload_count; ++i) {
     slots_.push_back({.payload = to_text(payload_lanes[i]),
                       .allotted = milliseconds(60),
@@ -145,7 +144,7 @@ Spacecraft::Spacecraft(Kernel& kernel)
     members.push_back(hosts_.back().get());
   }
   ring_ = std::make_unique<Ring>(kernel_, network_, members);
-  can_.set_tap([this](pid_t writer) { check_writer(writer); });
+  can_.set_tap([this](Lane writer) { check_writer(writer); });
   station_ =
       std::make_unique<Station>(kernel_, dictionary(), link_, key_, commands_, [this](const Octets& octets) {
         Host& ttc = host(Lane::ttc);
@@ -200,10 +199,9 @@ std::unique_ptr<Program> Spacecraft::make_logic(Host& made_for) {
       static constexpr std::array profiles{make_profile<AdcsProfile>, make_profile<EpsProfile>,
                                            make_profile<ThermalProfile>};
       const auto i = static_cast<std::size_t>(made_for.lane()) - static_cast<std::size_t>(Lane::payload_adcs);
-      owners_[i] = made_for.pid();
       return std::make_unique<Payload>(
           made_for,
-          PayloadSurroundings{topics_, network_, can_, disk_, *devices_[i], ids_lost_[i], slots_,
+          PayloadSurroundings{topics_, network_, can_, disk_, *devices_[i], ids_lost_[i], opened_, slots_,
                               host(Lane::can_switcher), host(Lane::ttc),
                               static_cast<std::uint8_t>(first_can_address + i), boot_id_, profiles[i]});
     }
@@ -270,26 +268,41 @@ Payload* Spacecraft::payload(std::size_t i) {
 }
 
 /// A payload writes to the bus: nobody else may write, and nothing of another one may wait.
-void Spacecraft::check_writer(pid_t writer) {
+void Spacecraft::check_writer(Lane writer) {
+  // The switcher's marker goes behind what waits.
+  if (std::find(payload_lanes.begin(), payload_lanes.end(), writer) == payload_lanes.end()) return;
   for (std::size_t i = 0; i < payload_count; ++i) {
-    if (owners_[i] == writer || owners_[i] == 0) continue;
-    const bool is_payload = std::find(owners_.begin(), owners_.end(), writer) != owners_.end();
-    if (!is_payload) return;  // the switcher's marker
+    if (payload_lanes[i] == writer) continue;
     const Payload* const other = payload(i);
-    if (other != nullptr && host(payload_lanes[i]).pid() == owners_[i] && other->may_write())
-      throw Violation{"S2", "two payloads have the bus: " + slots_[i].payload + " and the writer " +
-                                std::to_string(writer)};
-    if (can_.waiting_of(owners_[i]) != 0)
-      throw Violation{"M5a", "a frame of " + slots_[i].payload + " still waits while another payload writes"};
+    if (other != nullptr && other->may_write())
+      throw Violation{
+          "S2", "two payloads have the bus: " + slots_[i].payload + " and the writer " + to_text(writer)};
+    if (can_.waiting_of(payload_lanes[i]) != 0)
+      throw Violation{"M5a", "a frame still waits while another payload writes: of " + slots_[i].payload};
   }
 }
 
-void Spacecraft::step_world() {
+/// The charge changes by current and time, but for rounding, and stays from 0 to 1.
+void Spacecraft::step_battery() {
+  const sim::PowerState before = world_.power().state();
   world_.step(world_period);
+  const sim::PowerState& after = world_.power().state();
+  const double capacity_as = sim::PowerSettings{}.capacity_a_h * 3600;
+  const double seconds_passed = std::chrono::duration<double>(world_period).count();
+  const double change = after.charge - before.charge;
+  // The current is followed at the begin and the end; loads that are switched within make it jump.
+  const auto [least, most] = std::minmax(before.battery_a, after.battery_a);
+  const double tolerance = 0.05 * seconds_passed / capacity_as;
+  const bool follows = change >= least * seconds_passed / capacity_as - tolerance &&
+                       change <= most * seconds_passed / capacity_as + tolerance;
+  const bool is_full_or_empty = after.charge == 0 || after.charge == 1;
+  if (!(after.charge >= 0 && after.charge <= 1) || (!follows && !is_full_or_empty))
+    throw Violation{"hw_sim", "the charge does not follow the current: " + std::to_string(after.charge)};
+}
+
+void Spacecraft::step_world() {
+  step_battery();
   for (const auto& device : devices_) device->step(world_period);
-  const double charge = world_.power().state().charge;
-  if (!(charge >= 0 && charge <= 1))
-    throw Violation{"hw_sim", "the battery's charge is " + std::to_string(charge)};
   if (powered_ && watchdog_.fed && kernel_.now() - *watchdog_.fed > WatchdogTimer::timeout)
     cut_power("the watchdog bites", true);
   kernel_.later(world_period, [this] { step_world(); });

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <memory>
+#include <set>
 #include <string>
 #include <vector>
 
@@ -86,7 +87,8 @@ class Spacecraft {
   [[nodiscard]] std::unique_ptr<Program> make_logic(Host& host);
   void on_process(Host& host);
   void step_world();
-  void check_writer(pid_t writer);
+  void step_battery();
+  void check_writer(Lane writer);
   void schedule_pulse();
   [[nodiscard]] Payload* payload(std::size_t i);
   [[nodiscard]] TtcSurroundings ttc_surroundings();
@@ -116,7 +118,7 @@ class Spacecraft {
   TtcFlash ttc_flash_;
   CommandRecord commands_;
   std::unique_ptr<Station> station_;
-  std::vector<pid_t> owners_;  ///< process of each payload, also after its end
+  std::set<std::uint64_t> opened_;  ///< grants with which a payload opened the bus
 };
 
 }  // namespace srfs::simulation
