@@ -67,16 +67,5 @@ TEST(Simulation, FaultsAreInjectedAndProcessesAndComputerComeBack) {
   EXPECT_GT(outcome.boots, 1U);
 }
 
-TEST(Simulation, AProcessEndsBeforeInAndAfterAWriteOfTheJournal) {
-  const FaultSet faults = *faults_from("kill,slow_disk,power_cut");
-  std::array<std::uint64_t, 3> cut{};
-  for (std::uint64_t seed = 1; seed <= last_seed; ++seed) {
-    const RunOutcome outcome = fly(seed, seconds(600), faults);
-    ASSERT_FALSE(outcome.violation) << "seed " << seed << ": " << outcome.violation->text;
-    for (std::size_t i = 0; i < cut.size(); ++i) cut[i] += outcome.journal_cut[i];
-  }
-  for (std::size_t i = 0; i < cut.size(); ++i) EXPECT_GT(cut[i], 0U) << "after " << i << " calls";
-}
-
 }  // namespace
 }  // namespace srfs::simulation
