@@ -6,6 +6,7 @@
 #include "tests/simulation/disk.hpp"
 #include "tests/simulation/faults.hpp"
 #include "tests/simulation/topics.hpp"
+#include "tests/simulation/ttc.hpp"
 
 namespace srfs::simulation {
 namespace {
@@ -188,6 +189,24 @@ TEST_F(SimulationProcess, AKilledWriterLeavesTheOldFileOrTheNewOne) {
   }
   EXPECT_GT(old, 5);
   EXPECT_LT(old, 35);
+}
+
+TEST(SimulationJournal, AWriteInWhichTheProcessEndsIsNotDoneOrUnsyncedOrDone) {
+  for (const unsigned calls : {0U, 1U, 2U}) {
+    Kernel kernel(1);
+    TtcFlash flash(kernel);
+    EndingMedium medium(flash.journal);
+    JournalLog log(medium);
+    (void)log.load();
+    ASSERT_TRUE(log.snapshot({1}));
+    medium.end_after(calls);
+    EXPECT_EQ(log.append({{.kind = 1, .payload = {2}}}, true).has_value(), calls == 2);
+    EXPECT_EQ(JournalLog(flash.journal).load().records.size(), calls == 0 ? 1U : 2U);
+    flash.lose_power();
+    const std::size_t left = JournalLog(flash.journal).load().records.size();
+    EXPECT_GE(left, calls == 2 ? 2U : 1U);
+    EXPECT_LE(left, calls == 0 ? 1U : 2U);
+  }
 }
 
 TEST(SimulationFaults, AListIsReadAsItIsWritten) {
