@@ -613,9 +613,10 @@ class World {
   }
 
   void take_tick(const Event& event) {
-    switcher_.heard_a_tick = true;
     carry_out(switcher_.holdover.on_tick(
         {.cycle = event.number, .due = event.granted, .period = tick_period, .received = event.at}));
+    // One with a doubted cycle starts no substitutes.
+    switcher_.heard_a_tick = switcher_.holdover.next_substitute().has_value();
   }
 
   void tick_missing() {
