@@ -60,6 +60,9 @@ RULES = (
     Rule(r"task=7 .*--at", replaced=((r"2026-\S+Z", lambda: utc(90000)),), says="scheduled"),
     # A whole frame takes half a minute on the line, so the test reads it from the outbox.
     Rule(r"srfs-product var/ground/files/strip", replaced=((r"var/ground/files", "var/files/outbox"),)),
+    Rule(r"srfs-detect .*frame_", skipped="tests/system/test_detect.py"),  # frames on the ground
+    Rule(r"srfs-ground beacon$", codes=(0, 1), says="beacon"),  # one comes each 10 s
+    Rule(r"archive (prune|rebuild)", codes=(2,), says="another srfs-ground owns this folder"),  # the server of the page still runs
     Rule(r"param restore payload_eps 3", replaced=((r"3$", "1"),)),
     Rule(r"ring.restore_orders|param (history|restore) NODE", skipped="tests/system/test_command_path.py"),  # nothing is set aside here
     Rule(r"lifecycle payload_eps deactivate", then="build-release/bin/srfs lifecycle payload_eps activate"),
