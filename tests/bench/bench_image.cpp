@@ -125,7 +125,7 @@ void write(const Options& o, int number, const SkyScene& scene, const std::vecto
   image::Plane plane(scene.width, scene.height);
   const std::vector<float> adu = render_sky(scene, stars, streaks);
   std::copy(adu.begin(), adu.end(), plane.cells().begin());
-  const std::vector<image::FitsCard> cards{{"DATE-OBS", std::string("2026-11-26T12:00:00")},
+  const std::vector<image::FitsCard> cards{{"DATE-OBS", std::string("2026-11-26T12:00:00.000000")},
                                            {"EXPTIME", 2.0}};
   const std::string name = fmt::format("{}/{}_{:03}", o.folder, o.set, number);
   if (const auto written = write_file_atomically(name + ".fits", as_text(image::encode_fits(plane, cards)));
