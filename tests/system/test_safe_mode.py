@@ -54,11 +54,12 @@ class FastFlight(SystemTest):
 class SafeModeTest(FastFlight):
     def test_a_battery_that_nothing_protects_takes_the_computer_with_it_and_comes_back(self):
         without = ("enter_below: 0.35, over_above: 0.55", "enter_below: 0.0, over_above: 0.0")
-        flat = ("initial_charge: 0.76", "initial_charge: 0.06")
+        flat = ("initial_charge: 0.76", "initial_charge: 0.2")
         restored = ("restore_charge: 0.15", "restore_charge: 0.06")
         with self.flight(self.deployment(FASTER, without, flat, restored, base="sim_mission")) as flight:
             before = flight.node_pid("timing")
             ground = flight.ground()
+            self.complete(ground, "tc event_action.stop")  # it would command safe mode below 0.15
             for load in (2, 3):
                 ground.send(f"tc eps.switch_load load={load} state=on")
             wait_until(lambda: self.power(flight)["cut_outs"] == 1, LONG_S, "the computer loses its power")
