@@ -196,8 +196,9 @@ class MissionOnVcan(unittest.TestCase):
             for identifier in (0x98DA0100 | address, 0x98DA0001 | address << 8):
                 self.assertIn(f"{identifier:08x}", [words[1] for words in of_raw_sockets["rcvlist_eff"]])
         self.assertEqual(len(of_raw_sockets["rcvlist_all"]), 1, "can_switcher's, which measures the load")
-        # Two for each of the four peripherals (frames to it, and its echoes) and one for candump.
-        self.assertEqual(len(of_raw_sockets["rcvlist_fil"]), 9)
+        # Two for each of three payloads and four peripherals: frames to it, and its echoes.
+        self.assertEqual(len(of_raw_sockets["rcvlist_eff"]), 14)
+        self.assertEqual(len(of_raw_sockets["rcvlist_fil"]), 1, "candump's")
 
     def test_the_rotation_goes_on_under_foreign_traffic(self):
         generators = flight.disturb()
