@@ -66,7 +66,8 @@ class MissionMinimalTest(OutsideTest):
             self.assertEqual(refused.get("name"), "unknown_node", refused)
 
         out = self.folder / "minimal.xml"
-        self.do("/usr/bin/python3", "-B", prefix / "share/srfs/generator/mission_xtce.py", "--dictionary", deployment.parent, "--out", out)
+        generator = self.folder / "srfs/share/srfs/generator/mission_xtce.py"
+        self.do("/usr/bin/python3", "-B", generator, "--dictionary", self.folder / "build/share/mission_minimal", "--out", out)
         self.assertIn("payload_dosimeter", out.read_text())
 
 
