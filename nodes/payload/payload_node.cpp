@@ -15,6 +15,7 @@
 #include "base/saturate.hpp"
 #include "base/text.hpp"
 #include "hw/open.hpp"
+#include "nodes/payload/frame_conversion.hpp"
 #include "suite/commanding/messages.hpp"
 #include "suite/state_files.hpp"
 #include "wire/can_bits.hpp"
@@ -39,17 +40,6 @@ std::uint64_t as_ns(MonotonicTime t) {
 }
 MonotonicTime from_ns(std::uint64_t ns) {
   return MonotonicTime(nanoseconds(static_cast<std::int64_t>(ns)));
-}
-wire::CanDataFrame without_meta(const hw::CanFrame& frame) {
-  return {.id = frame.id, .extended = frame.extended, .size = frame.size, .data = frame.data};
-}
-hw::CanFrame to_can(const wire::CanDataFrame& frame) {
-  hw::CanFrame can;
-  can.id = frame.id;
-  can.extended = frame.extended;
-  can.size = frame.size;
-  can.data = frame.data;
-  return can;
 }
 
 mission::SlotStatistics to_mission(const SlotStatistics& s) {
@@ -492,7 +482,7 @@ void PayloadNode::on_can_frame(const hw::CanFrame& frame) {
 /// cycle.
 void PayloadNode::pump() {
   while (const auto frame = link_->poll(monotonic_now())) {
-    const auto sent = leased_->send(to_can(*frame), grant_, monotonic_now());
+    const auto sent = leased_->send(to_can_frame(*frame), grant_, monotonic_now());
     if (sent) {
       ++frames_sent_;
     } else if (sent.error() == hw::CanError::queue_full) {

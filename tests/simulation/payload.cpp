@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "tests/simulation/payload.hpp"
 
+#include "nodes/payload/frame_conversion.hpp"
 #include "suite/commanding/messages.hpp"
 
 namespace srfs::simulation {
@@ -16,17 +17,6 @@ std::uint64_t pack(GrantId grant) {
 }
 MonotonicTime from_ns(std::uint64_t ns) {
   return MonotonicTime(nanoseconds(static_cast<std::int64_t>(ns)));
-}
-wire::CanDataFrame without_meta(const hw::CanFrame& frame) {
-  return {.id = frame.id, .extended = frame.extended, .size = frame.size, .data = frame.data};
-}
-hw::CanFrame to_can(const wire::CanDataFrame& frame) {
-  hw::CanFrame can;
-  can.id = frame.id;
-  can.extended = frame.extended;
-  can.size = frame.size;
-  can.data = frame.data;
-  return can;
 }
 
 std::vector<hw::CanFilter> filters_of(const PeripheralLink& link) {
@@ -142,7 +132,7 @@ void Payload::on_can_frame(const hw::CanFrame& frame) {
 
 void Payload::pump() {
   while (const auto frame = link_->poll(host_.now())) {
-    const auto sent = leased_.send(to_can(*frame), grant_, host_.now());
+    const auto sent = leased_.send(to_can_frame(*frame), grant_, host_.now());
     if (sent) {
       ++frames_sent_;
     } else if (sent.error() == hw::CanError::queue_full) {
