@@ -26,10 +26,6 @@ enum Subtype : std::uint8_t {
   restore_factory_set = 0,  ///< a function of service 8
 };
 
-// Of a stored table.
-constexpr std::uint8_t function_flag = 1;
-constexpr std::uint8_t factory_flag = 2;
-
 constexpr std::size_t report_head_octets = 64;  ///< of a packet of 19,11, before the telecommand
 constexpr milliseconds room_retry_period{50};   ///< what may be released and found no room
 

@@ -27,10 +27,6 @@ enum Subtype : std::uint8_t {
   restore_factory_set = 0,  ///< a function of service 8
 };
 
-// Of a stored table.
-constexpr std::uint8_t function_flag = 1;
-constexpr std::uint8_t factory_flag = 2;
-
 constexpr std::size_t report_octets = 128;  ///< of one packet at most
 
 std::vector<std::uint16_t> ids_of(OctetView arguments) {

@@ -28,6 +28,10 @@ struct StoredTable {
 /// PATH.0 and PATH.1, each with CRC-32C.
 [[nodiscard]] StateFile<StoredTable> stored_table_file(const std::filesystem::path& path);
 
+// Flags with which the content of a service's table begins.
+inline constexpr std::uint8_t function_flag = 1;  ///< the service's function is on
+inline constexpr std::uint8_t factory_flag = 2;   ///< the table is the factory set
+
 /// What the start found of a table.
 struct FoundTable {
   std::optional<StoredTable> table = {};
