@@ -75,6 +75,20 @@ def remove_abandoned_folders(parent=None, youngest_s=60):
         os.close(fd)
 
 
+class TemporaryFolder(tempfile.TemporaryDirectory):
+    """A folder of a test without a flight, as tempfile makes it, and locked: no other test takes it for abandoned."""
+
+    def __init__(self):
+        super().__init__(prefix=PREFIXES[1])
+        self._descriptor = _lock(self.name, wait=True)
+
+    def cleanup(self):
+        super().cleanup()
+        if self._descriptor is not None:
+            os.close(self._descriptor)
+            self._descriptor = None
+
+
 def temporary_folder():
     """Makes a folder. Returns (path, descriptor that locks it); the lock ends with this process at the latest."""
     remove_abandoned_folders()

@@ -7,11 +7,10 @@ import re
 import shutil
 import stat
 import subprocess
-import tempfile
 import unittest
 from pathlib import Path
 
-from support import BIN
+from support import BIN, TemporaryFolder
 
 from srfs import ROOT, hardening
 from srfs.flight.processes import output
@@ -22,7 +21,7 @@ BUILD = Path(BIN).parent
 class DebianPackageTest(unittest.TestCase):
     @classmethod
     def setUpClass(cls):
-        folder = tempfile.TemporaryDirectory(prefix="srfs_test_")
+        folder = TemporaryFolder()
         cls.addClassCleanup(folder.cleanup)
         cls.folder = Path(folder.name)
         # Fast packing; the compression ratio does not matter here.

@@ -6,11 +6,10 @@ import json
 import math
 import re
 import subprocess
-import tempfile
 import unittest
 from pathlib import Path
 
-from support import BIN
+from support import BIN, TemporaryFolder
 
 
 def detect(*arguments):
@@ -51,7 +50,7 @@ def tracking_data(text):
 class DetectProgramTest(unittest.TestCase):
     @classmethod
     def setUpClass(cls):
-        cls.folder = tempfile.TemporaryDirectory(prefix="srfs_test_")
+        cls.folder = TemporaryFolder()
         cls.addClassCleanup(cls.folder.cleanup)
         made = subprocess.run([BIN / "bench_image", cls.folder.name, "--set", "streaks", "--frames", "2", "--width", "400", "--height", "300", "--seed", "5"],
                               capture_output=True, text=True, timeout=120)  # fmt: skip
@@ -77,7 +76,7 @@ class DetectProgramTest(unittest.TestCase):
         self.assertEqual(first["streaks"], second["streaks"])
 
     def test_links_an_object_over_the_files_of_a_sequence(self):
-        with tempfile.TemporaryDirectory(prefix="srfs_test_") as folder:
+        with TemporaryFolder() as folder:
             made = subprocess.run([BIN / "bench_image", folder, "--set", "sequence", "--frames", "1", "--width", "500", "--height", "400", "--seed", "8"],
                                   capture_output=True, text=True, timeout=120)  # fmt: skip
             self.assertEqual(made.returncode, 0, made.stderr)
@@ -95,7 +94,7 @@ class DetectProgramTest(unittest.TestCase):
             self.assertGreaterEqual(max(hits, default=0), 5, mover)
 
     def test_finds_where_a_camera_looks(self):
-        with tempfile.TemporaryDirectory(prefix="srfs_test_") as folder:
+        with TemporaryFolder() as folder:
             made = subprocess.run([BIN / "bench_image", folder, "--set", "plate", "--frames", "2", "--width", "800", "--height", "600", "--seed", "12"],
                                   capture_output=True, text=True, timeout=120)  # fmt: skip
             self.assertEqual(made.returncode, 0, made.stderr)
@@ -115,7 +114,7 @@ class DetectProgramTest(unittest.TestCase):
         self.assertIsNone(json.loads(run.stdout)["solution"])
 
     def test_writes_pictures_and_cut_outs_where_it_is_told(self):
-        with tempfile.TemporaryDirectory(prefix="srfs_test_") as folder:
+        with TemporaryFolder() as folder:
             run = detect("--method", "thumbnail", "--params", "width=100", "--out", folder, "--json", self.frames[0])
             self.assertEqual(run.returncode, 0, run.stderr)
             cutout = json.loads(run.stdout)["frames"][0]["cutout"]
@@ -144,7 +143,7 @@ class DetectProgramTest(unittest.TestCase):
         self.assertIn("field of 7 to 60 degrees (min_field, max_field)", run.stdout)
 
     def test_writes_measured_angles_as_a_tracking_data_message(self):
-        with tempfile.TemporaryDirectory(prefix="srfs_test_") as folder:
+        with TemporaryFolder() as folder:
             made = subprocess.run([BIN / "bench_image", folder, "--set", "passes", "--frames", "1", "--width", "800", "--height", "600", "--seed", "77"],
                                   capture_output=True, text=True, timeout=120)  # fmt: skip
             self.assertEqual(made.returncode, 0, made.stderr)
@@ -170,7 +169,7 @@ class DetectProgramTest(unittest.TestCase):
                 self.assertLess(abs(near[0]["magnitude"] - magnitude), 0.3)
 
     def test_writes_no_tracking_data_message_without_angles_and_says_why(self):
-        with tempfile.TemporaryDirectory(prefix="srfs_test_") as folder:
+        with TemporaryFolder() as folder:
             tdm = Path(folder) / "none.tdm"
             run = detect("--method", "streak", "--tdm", str(tdm), self.frames[0])
             self.assertEqual(run.returncode, 1, run.stderr)

@@ -4,12 +4,11 @@
 
 import os
 import shutil
-import tempfile
 import textwrap
 import unittest
 from pathlib import Path
 
-from support import BIN
+from support import BIN, TemporaryFolder
 
 from srfs import hardening, tutorial
 from srfs.flight.processes import output
@@ -21,7 +20,7 @@ BUILD = Path(BIN).parent
 class FindPackageTest(unittest.TestCase):
     @classmethod
     def setUpClass(cls):
-        folder = tempfile.TemporaryDirectory(prefix="srfs_test_")
+        folder = TemporaryFolder()
         cls.addClassCleanup(folder.cleanup)
         cls.folder = Path(folder.name)
         output("cmake", "--install", BUILD, "--prefix", cls.folder / "first", "--strip")

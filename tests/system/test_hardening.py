@@ -3,11 +3,10 @@
 """All flight software is hardened: installed, built, and compiled on board. For the Debian package, see test_debian_package.py."""
 
 import subprocess
-import tempfile
 import unittest
 from pathlib import Path
 
-from support import BIN
+from support import BIN, TemporaryFolder
 from test_lane import LaneTest
 
 from srfs import ROOT, hardening
@@ -38,7 +37,7 @@ def built_with(folder, *options):
 class HardeningTest(unittest.TestCase):
     @classmethod
     def setUpClass(cls):
-        folder = tempfile.TemporaryDirectory(prefix="srfs_test_")
+        folder = TemporaryFolder()
         cls.addClassCleanup(folder.cleanup)
         cls.folder = Path(folder.name)
         output("cmake", "--install", BUILD, "--prefix", cls.folder, "--strip")

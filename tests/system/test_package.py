@@ -6,11 +6,10 @@ import json
 import os
 import stat
 import subprocess
-import tempfile
 import unittest
 from pathlib import Path
 
-from support import BIN, SystemTest
+from support import BIN, SystemTest, TemporaryFolder
 
 from srfs import ROOT
 
@@ -24,7 +23,7 @@ def package(*arguments, cwd=None):
 
 class PackageProgramTest(unittest.TestCase):
     def setUp(self):
-        folder = tempfile.TemporaryDirectory(prefix="srfs_test_")
+        folder = TemporaryFolder()
         self.addCleanup(folder.cleanup)
         self.folder = Path(folder.name)
         self.seed, self.key = self.folder / "team.seed", self.folder / "package.pub"

@@ -4,11 +4,10 @@
 
 import json
 import subprocess
-import tempfile
 import unittest
 from pathlib import Path
 
-from support import BIN
+from support import BIN, TemporaryFolder
 
 MARKER = b"SRFSTRIP"
 
@@ -27,7 +26,7 @@ def without_exposure(content):
 class ProductProgramTest(unittest.TestCase):
     @classmethod
     def setUpClass(cls):
-        folder = tempfile.TemporaryDirectory(prefix="srfs_test_")
+        folder = TemporaryFolder()
         cls.addClassCleanup(folder.cleanup)
         cls.folder = Path(folder.name)
         made = subprocess.run([BIN / "bench_image", folder.name, "--set", "streaks", "--frames", "1", "--width", "400", "--height", "300", "--seed", "5"],

@@ -8,12 +8,12 @@ folder. As with colcon, a package finds only those that its package.xml names.
 
 import re
 import shutil
-import tempfile
 import unittest
 import xml.etree.ElementTree
 from pathlib import Path
 
 from rosidl_adapter.parser import parse_action_file, parse_message_file, parse_service_file
+from support import TemporaryFolder
 
 from srfs import ROOT
 from srfs.flight.processes import output
@@ -97,7 +97,7 @@ class InterfacePackageTest(unittest.TestCase):
 class WorkspaceTest(unittest.TestCase):
     @classmethod
     def setUpClass(cls):
-        folder = tempfile.TemporaryDirectory(prefix="srfs_test_")
+        folder = TemporaryFolder()
         cls.addClassCleanup(folder.cleanup)
         cls.folder = Path(folder.name)
         for name, text in (("rosidl_default_generators", GENERATORS), ("rosidl_default_runtime", "")):

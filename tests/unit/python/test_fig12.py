@@ -87,7 +87,7 @@ class LockedFrequencyTest(unittest.TestCase):
     FIXED = {"scaling_available_governors": "performance schedutil", "cpuinfo_max_freq": "1992000"}
 
     def setUp(self):
-        folder = tempfile.TemporaryDirectory(prefix="srfs_test_")
+        folder = tempfile.TemporaryDirectory()
         self.addCleanup(folder.cleanup)
         self.cpus = pathlib.Path(folder.name)
 

@@ -54,7 +54,7 @@ class TopicsTest(unittest.TestCase):
 class DeploymentTest(unittest.TestCase):
     def test_housekeeping_is_real_time_and_the_image_lane_has_one_cpu(self):
         for deployment in ("sim", "sim_open"):  # the second extends the first
-            with tempfile.TemporaryDirectory(prefix="srfs_test_") as folder:
+            with tempfile.TemporaryDirectory() as folder:
                 varied = deployments.read(fig13.Fig13.varied(deployment, pathlib.Path(folder)))
             scheduling = {node["name"]: node["scheduling"] for node in varied["nodes"]}
             self.assertEqual((scheduling["timing"]["policy"], scheduling["timing"]["priority"]), ("fifo", 50))

@@ -22,7 +22,7 @@ while :; do sleep 0.05; done
 
 class EndTest(unittest.TestCase):
     def setUp(self):
-        folder = tempfile.TemporaryDirectory(prefix="srfs_test_")
+        folder = tempfile.TemporaryDirectory()
         self.addCleanup(folder.cleanup)
         self.var = pathlib.Path(folder.name) / "var"
         for name in ("run", "log", "versions/eps"):
