@@ -40,7 +40,10 @@ function(srfs_write_node_build output)
   get_property(libraries GLOBAL PROPERTY SRFS_LIBRARIES)
   list(REMOVE_ITEM libraries srfs_msgs srfs_node srfs_camera srfs_hw_sim)
   list(APPEND libraries fastrtps fastcdr fmt yaml-cpp crypto)
-  foreach(list flags libraries ARG_INCLUDE ARG_READABLE)
+  # What is linked where it is installed, on the computer that compiles: a package may be written in OpenCV.
+  set(where_installed /usr/lib/${CMAKE_LIBRARY_ARCHITECTURE}/libopencv_imgproc.so /usr/lib/${CMAKE_LIBRARY_ARCHITECTURE}/libopencv_core.so)
+  list(APPEND ARG_INCLUDE /usr/include/opencv4)
+  foreach(list flags libraries where_installed ARG_INCLUDE ARG_READABLE)
     list(JOIN ${list} "\", \"" joined)
     set(json_${list} "[\"${joined}\"]")
   endforeach()
@@ -49,7 +52,8 @@ function(srfs_write_node_build output)
  \"include\": ${json_ARG_INCLUDE},
  \"readable\": ${json_ARG_READABLE},
  \"library_folder\": \"${ARG_LIBRARIES}\",
- \"libraries\": ${json_libraries}}
+ \"libraries\": ${json_libraries},
+ \"where_installed\": ${json_where_installed}}
 ")
 endfunction()
 

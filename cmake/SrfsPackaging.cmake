@@ -33,7 +33,8 @@ set(CPACK_DEBIAN_PACKAGE_DEPENDS
 set(CPACK_DEBIAN_PACKAGE_RECOMMENDS
   "g++, libexpected-dev, libfastcdr-dev, libfastrtps-dev, libfmt-dev, libssl-dev, libyaml-cpp-dev, nlohmann-json3-dev")
 # What a mission of one's own is built with (examples/mission_minimal), beside the recommended ones.
-set(CPACK_DEBIAN_PACKAGE_SUGGESTS "cmake, libeigen3-dev, libgmock-dev, ninja-build, python3-jinja2, python3-yaml")
+# OpenCV: for uplinked image methods that are written in it (examples/image_motion).
+set(CPACK_DEBIAN_PACKAGE_SUGGESTS "cmake, libeigen3-dev, libgmock-dev, libopencv-core-dev, libopencv-imgproc-dev, ninja-build, python3-jinja2, python3-yaml")
 list(JOIN CPACK_DEBIAN_PACKAGE_DEPENDS ", " CPACK_DEBIAN_PACKAGE_DEPENDS)
 set(CPACK_DEBIAN_PACKAGE_CONTROL_STRICT_PERMISSION ON)
 foreach(script postinst prerm postrm conffiles)

@@ -78,7 +78,8 @@ Result<NodeBuild, std::string> decode_node_build(std::string_view json, const fs
                      .include = paths(root.at("include"), prefix),
                      .readable = paths(root.at("readable"), prefix),
                      .library_folder = prefix / root.at("library_folder").get<std::string>(),
-                     .libraries = texts(root.at("libraries"))};
+                     .libraries = texts(root.at("libraries")),
+                     .where_installed = paths(root.value("where_installed", Json::array()), prefix)};
   } catch (const Json::exception& e) {
     return Err(std::string(e.what()));
   }
@@ -108,6 +109,7 @@ BuildPlan plan_build(const NodeBuild& build, const std::vector<std::string>& sou
   link.push_back("-L" + build.library_folder.string());
   link.push_back("-Wl,--as-needed,-rpath," + build.library_folder.string());
   for (const std::string& library : build.libraries) link.push_back("-l" + library);
+  for (const fs::path& library : build.where_installed) link.push_back(library);
   link.emplace_back("-pthread");
   plan.link = {"link", std::move(link)};
   return plan;

@@ -24,6 +24,9 @@ struct NodeBuild {
   std::vector<std::filesystem::path> readable;
   std::filesystem::path library_folder;
   std::vector<std::string> libraries;
+  /// Absolute paths of libraries that are linked where they are there. plan_build() takes all: the caller has
+  /// removed those that are not.
+  std::vector<std::filesystem::path> where_installed = {};
 };
 [[nodiscard]] Result<NodeBuild, std::string> decode_node_build(std::string_view json,
                                                                const std::filesystem::path& prefix);

@@ -122,6 +122,10 @@ std::optional<std::string> read_installation(Lane& lane) {
   const auto installation = update::decode_node_build(*text, lane.prefix);
   if (!installation) return fmt::format("{}: {}", settings.string(), installation.error());
   lane.installation = *installation;
+  std::erase_if(lane.installation.where_installed, [](const fs::path& library) {
+    std::error_code error;
+    return !fs::exists(library, error);
+  });
   lane.confinement.readable = installation->readable;
   return std::nullopt;
 }

@@ -215,6 +215,27 @@ class NewImageMethodTest(NewNodeUpdateTest):
             self.assertGreater(told["fields"]["sky_adu"], 1)
 
 
+class OpenCvMethodTest(NewNodeUpdateTest):
+    """A method that is written in OpenCV."""
+
+    def test_a_method_in_opencv_comes_up_as_sources_and_compares_the_frames_of_the_camera(self):
+        added = "image_motion"
+        with self.flight("sim") as flight:
+            ground = self.joined(flight, added)
+            self.assertIsNotNone(ground.housekeeping(added, DEADLINE_S), "ttc knows its fragment")
+            since = ground.position()
+            outcome = ground.command("tc image.capture task=1 frames=4 exposure_us=100000 interval_ms=300", 120)
+            self.assertEqual(outcome["stage"], "completed", outcome)
+            told = ground.housekeeping(added, DEADLINE_S, since, lambda fields: fields["frames"] == 4)
+            self.assertIsNotNone(told, "all frames were measured")
+            self.assertEqual(told["fields"]["frames_compared"], 3, "they show the same stars")
+            pid = flight.node_pid(added)
+            print("memory of the node, MB:", sum(int(line.split()[1]) for line in open(f"/proc/{pid}/smaps_rollup") if line.startswith("Pss:")) / 1000)
+            idle = flight.node_pid("image_processing")
+            with open(f"/proc/{idle}/maps") as maps:
+                self.assertNotIn("opencv", maps.read(), "nobody else loads it")
+
+
 class KilledMaintenanceTest(UpdateTest):
     def test_an_update_goes_on_when_maintenance_is_killed_in_the_build_and_in_the_swap(self):
         # Here the ring includes all nodes, so that it restarts maintenance.

@@ -39,8 +39,22 @@ TEST(NodeBuildTest, PathsAreBelowThePrefixUnlessTheyAreAbsolute) {
   ASSERT_TRUE(build) << build.error();
   EXPECT_EQ(build->include, (std::vector<std::filesystem::path>{"/opt/srfs/include/srfs", "/tree/lib"}));
   EXPECT_EQ(build->library_folder, "/opt/srfs/lib");
+  EXPECT_TRUE(build->where_installed.empty());
   EXPECT_FALSE(decode_node_build("{}", "/opt/srfs"));
   EXPECT_FALSE(decode_node_build("", "/opt/srfs"));
+}
+
+TEST(BuildPlanTest, LinksTheLibrariesThatAreWhereTheInstallationSays) {
+  const auto build = decode_node_build(
+      R"({"format": "srfs node build 1", "flags": [], "include": [], "readable": [], "library_folder": "lib",
+          "libraries": ["fmt"], "where_installed": ["/usr/lib/libopencv_core.so"]})",
+      "/opt/srfs");
+  ASSERT_TRUE(build) << build.error();
+
+  const auto words = plan_build(*build, {"main.cpp"}, {}, "/w", std::nullopt).link.words;
+
+  const auto needed = std::find(words.begin(), words.end(), "-Wl,--as-needed,-rpath,/opt/srfs/lib");
+  EXPECT_NE(std::find(needed, words.end(), "/usr/lib/libopencv_core.so"), words.end());
 }
 
 TEST(BuildPlanTest, CompilesEachSourceWithTheOptionsAndLinksAllObjects) {
