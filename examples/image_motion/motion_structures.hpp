@@ -36,15 +36,15 @@ struct ImageMotionHousekeeping {
   static constexpr milliseconds default_interval{5000};
   static constexpr std::size_t max_size = 38;
 
-  std::uint64_t cycle{};             ///< Mission cycle [ticks]
-  std::uint32_t frames{};            ///< Frames measured since the start
-  std::uint32_t frames_compared{};   ///< Of these, the ones that show the same stars as the frame before
-  std::uint32_t frames_dropped{};    ///< Frames that came while two were waiting
+  std::uint64_t cycle{};  ///< Mission cycle [ticks]
+  std::uint32_t frames{};  ///< Frames measured since the start
+  std::uint32_t frames_compared{};  ///< Of these, the ones that show the same stars as the frame before
+  std::uint32_t frames_dropped{};  ///< Frames that came while two were waiting
   std::uint32_t frames_malformed{};  ///< Frames whose size or encoding is not what their head says
-  std::uint32_t movers{};            ///< Moving objects in the last frame
-  float shift_x{};                   ///< How far the stars moved since the frame before [px]
-  float shift_y{};                   ///< The same, along the column [px]
-  std::uint16_t least_snr{};         ///< SNR from which on a pixel counts
+  std::uint32_t movers{};  ///< Moving objects in the last frame
+  float shift_x{};  ///< How far the stars moved since the frame before [px]
+  float shift_y{};  ///< The same, along the column [px]
+  std::uint16_t least_snr{};  ///< SNR from which on a pixel counts
 
   void encode(OctetWriter& out) const;
   [[nodiscard]] Octets encoded() const;
@@ -58,23 +58,21 @@ struct ImageMotionHousekeeping {
 
 /// Event ids of the PUS service 5.
 namespace event {
-inline constexpr std::uint16_t motion_found =
-    1951;  ///< frame {frame}: {movers} moving objects, the brightest at {x} {y}, SNR {snr}, {length} px long
+inline constexpr std::uint16_t motion_found = 1951;  ///< frame {frame}: {movers} moving objects, the brightest at {x} {y}, SNR {snr}, {length} px long
 }  // namespace event
 
-/// Event 1951, info: frame {frame}: {movers} moving objects, the brightest at {x} {y}, SNR {snr}, {length} px
-/// long
+/// Event 1951, info: frame {frame}: {movers} moving objects, the brightest at {x} {y}, SNR {snr}, {length} px long
 struct MotionFoundEvent {
   static constexpr std::uint16_t event_id = 1951;
   static constexpr EventSeverity severity = EventSeverity::info;
   static constexpr std::size_t max_size = 53;
 
-  std::string frame{};     ///< TASK/NUMBER
+  std::string frame{};  ///< TASK/NUMBER
   std::uint32_t movers{};  ///< How many
-  float x{};               ///< Middle of the brightest [px]
-  float y{};               ///< Middle of the brightest [px]
-  float snr{};             ///< Of its brightest pixel
-  float length{};          ///< Longer side of the rectangle around it [px]
+  float x{};  ///< Middle of the brightest [px]
+  float y{};  ///< Middle of the brightest [px]
+  float snr{};  ///< Of its brightest pixel
+  float length{};  ///< Longer side of the rectangle around it [px]
 
   void encode(OctetWriter& out) const;
   [[nodiscard]] Octets encoded() const;
@@ -123,6 +121,7 @@ inline std::optional<ImageMotionHousekeeping> ImageMotionHousekeeping::decode(Oc
   return value && in.remaining() == 0 ? value : std::nullopt;
 }
 
+
 inline void MotionFoundEvent::encode(OctetWriter& out) const {
   detail::put_text(out, frame, 32);
   detail::put(out, movers);
@@ -153,5 +152,7 @@ inline std::optional<MotionFoundEvent> MotionFoundEvent::decode(OctetView octets
   const auto value = decode(in);
   return value && in.remaining() == 0 ? value : std::nullopt;
 }
+
+
 
 }  // namespace srfs::mission
