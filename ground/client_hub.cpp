@@ -120,8 +120,10 @@ void ClientHub::on_message(ClientId id, std::string_view text) {
     if (message.is_discarded()) throw std::invalid_argument("it is not JSON");
     client.greeted ? answer(id, client, message) : greet(client, message);
   } catch (const nlohmann::json::exception& error) {
+    sending_ = 0;
     close(client, "sent what is no message of this protocol: " + for_terminal(error.what()));
   } catch (const std::invalid_argument& error) {
+    sending_ = 0;
     close(client, "sent what is no message of this protocol: " + for_terminal(error.what()));
   }
 }
@@ -139,6 +141,7 @@ void ClientHub::greet(Client& client, const nlohmann::json& message) {
   }
   client.wants_files = message.at("files").get<bool>();
   client.wants_octets = message.at("octets").get<bool>();
+  client.wants_telecommands = message.value("telecommands", false);
   if (message.contains("keys")) {
     client.keys = key_set_of(message.at("keys").get<std::string>());
     if (!client.keys) throw std::invalid_argument("no set of keys");
@@ -178,7 +181,9 @@ void ClientHub::replay(Client& client, std::int64_t after) {
 
 void ClientHub::answer(ClientId id, Client& client, const nlohmann::json& message) {
   const std::string type = short_text(message.at("type"));
+  sending_ = id;
   nlohmann::json reply = carry_out(id, client, type, message);
+  sending_ = 0;
   reply["type"] = "reply";
   reply["call"] = message.at("call").get<std::uint64_t>();
   queue(client, reply);
@@ -193,6 +198,7 @@ nlohmann::json ClientHub::carry_out(ClientId id, Client& client, const std::stri
     return order_ad(client, type, message);
   if (type == "put" || type == "suspend" || type == "resume" || type == "cancel")
     return order_files(type, message);
+  if (type == "acknowledge" || type == "fill_gaps") return order_memory(client, type, message);
   if (type == "select_keys") {
     const auto set = key_set_of(message.at("keys").get<std::string>());
     if (!set) throw std::invalid_argument("no set of keys");
@@ -288,6 +294,18 @@ void ClientHub::leave_ad(Client& client) {
   if (other_ad_user(client).empty()) link_.stop_ad();
 }
 
+nlohmann::json ClientHub::order_memory(const Client& client, const std::string& type,
+                                       const nlohmann::json& message) {
+  const Memory& memory = hooks_.memory;
+  if (!memory.acknowledge || !memory.fill_gaps) return refusal("this server has no archive");
+  if (type == "fill_gaps") {
+    memory.fill_gaps();
+    return nlohmann::json::object();
+  }
+  const std::string who = fmt::format("{} ({})", short_text(message.at("who")), client.who);
+  return outcome(memory.acknowledge(message.at("id").get<std::int64_t>(), who));
+}
+
 nlohmann::json ClientHub::order_files(const std::string& type, const nlohmann::json& message) {
   if (!link_.carries_files()) return refusal("the server carries no files");
   nlohmann::json reply;
@@ -345,6 +363,17 @@ void ClientHub::tell_cop(Client& client, const CopReport& report) {
   if (std::exchange(client.told_cop, text) != text) queue(client, message);
 }
 
+void ClientHub::on_telecommand(const SeenTelecommand& seen) {
+  const auto message = std::make_shared<const std::string>(serve::text_of(serve::to_message(seen)));
+  for (auto& [id, client] : clients_) {
+    if (client.greeted && client.wants_telecommands && id != sending_) queue(client, message);
+  }
+}
+
+void ClientHub::on_line_opened() {
+  tell_all({{"type", "line_opened"}}, [](const Client&) { return true; });
+}
+
 void ClientHub::on_line_closed(const std::string& why) {
   tell_all({{"type", "line_closed"}, {"message", why}}, [](const Client&) { return true; });
 }
@@ -356,6 +385,7 @@ nlohmann::json ClientHub::state() const {
                        {"clcw", nullptr},
                        {"sent", link_.telecommands_sent()}};
   if (const auto clcw = link_.clcw()) state["clcw"] = *clcw;
+  if (hooks_.memory.problem) state["archive_problem"] = hooks_.memory.problem();
   return state;
 }
 

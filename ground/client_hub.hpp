@@ -42,6 +42,12 @@ class ClientHub {
     std::function<void(std::int64_t id, const std::function<void(std::int64_t, const ReceivedPacket&)>&)>
         packets_after;
     std::function<void(const cfdp::News&)> file;
+    /// Why it records nothing now; empty: it does.
+    std::function<std::string()> problem = {};
+    /// An operator has seen an event. The error says why that is not so.
+    std::function<Result<void, std::string>(std::int64_t id, const std::string& who)> acknowledge = {};
+    /// From now on, gaps are filled.
+    std::function<void()> fill_gaps = {};
   };
   struct Hooks {
     /// Octets for the line as they are (clients that forward frames).
@@ -60,8 +66,12 @@ class ClientHub {
   [[nodiscard]] Result<ClientId, std::string> on_connect(const std::string& who);
   void on_message(ClientId client, std::string_view text);
   void on_disconnect(ClientId client);
+  /// A telecommand was made, for a client or by the server itself; clients that asked for it are told, but
+  /// the one that sends it.
+  void on_telecommand(const SeenTelecommand& seen);
   /// The line was closed, for whatever reason; each client is told.
   void on_line_closed(const std::string& why);
+  void on_line_opened();
   /// Octets of the line as they came, for the clients that asked for them.
   void on_octets(OctetView octets);
   void on_time(MonotonicTime now);
@@ -82,6 +92,7 @@ class ClientHub {
     std::optional<MonotonicTime> hello_deadline = {};
     bool wants_files = false;
     bool wants_octets = false;  ///< instead of packets
+    bool wants_telecommands = false;
     bool uses_ad = false;
     bool closing = false;
     std::optional<suite::AssociationSet> keys = {};
@@ -103,6 +114,8 @@ class ClientHub {
   void replay(Client& client, std::int64_t after);
   [[nodiscard]] nlohmann::json order_ad(Client& client, const std::string& type,
                                         const nlohmann::json& message);
+  [[nodiscard]] nlohmann::json order_memory(const Client& client, const std::string& type,
+                                            const nlohmann::json& message);
   [[nodiscard]] nlohmann::json order_files(const std::string& type, const nlohmann::json& message);
   /// Another client that uses the AD service; empty: none.
   [[nodiscard]] std::string other_ad_user(const Client& client) const;
@@ -122,6 +135,7 @@ class ClientHub {
   Hooks hooks_;
   std::map<ClientId, Client> clients_;
   ClientId next_client_ = 1;
+  ClientId sending_ = 0;                        ///< the client whose order is carried out; 0: none
   std::map<std::uint64_t, Sender> ad_senders_;  ///< by number; bounded by the AD service's queue and window
   std::uint64_t next_number_ = 1;
   MonotonicTime next_state_;

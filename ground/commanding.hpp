@@ -49,6 +49,8 @@ struct StageReport {
   std::string failure_name;
   bool insertion = false;    ///< of the request that schedules a time-tagged telecommand, not of the latter
   std::string failure_text;  ///< with the parameter: "an argument is out of its range: argument 1 'load'"
+  std::int64_t archive_id = 0;  ///< of the packet that reports it, as ReceivedPacket
+  std::string who = {};         ///< of another user's telecommand; empty: of this one
 
   /// The telecommand, or a step of it, did not succeed.
   [[nodiscard]] bool is_failure() const {

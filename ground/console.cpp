@@ -19,6 +19,7 @@
 #include "base/signals.hpp"
 #include "base/text.hpp"
 #include "cfdp/safe_name.hpp"
+#include "ground/dictionary_json.hpp"
 #include "ground/files.hpp"
 #include "ground/name_hint.hpp"
 #include "ground/terminal_text.hpp"
@@ -838,45 +839,6 @@ std::string argument_line(const mission::Field& field) {
   return line + "\n";
 }
 
-std::string_view repeat_text(mission::RepeatClass repeat) {
-  switch (repeat) {
-    case mission::RepeatClass::idempotent:
-      return "idempotent";
-    case mission::RepeatClass::by_id:
-      return "by_id";
-    case mission::RepeatClass::at_most_once:
-      return "at_most_once";
-  }
-  return "?";
-}
-
-nlohmann::json command_json(const mission::Command& command) {
-  nlohmann::json json{{"type", "command"},
-                      {"name", command.name},
-                      {"node", command.node},
-                      {"apid", command.apid},
-                      {"service", command.service},
-                      {"subtype", command.subtype},
-                      {"function", command.function_id},
-                      {"description", command.description},
-                      {"timeout_ms", command.timeout.count()},
-                      {"hazardous", command.hazardous},
-                      {"modes", command.modes},
-                      {"repeat", repeat_text(command.repeat_class)},
-                      {"arguments", nlohmann::json::array()}};
-  for (const auto& field : command.arguments) {
-    nlohmann::json argument{{"name", field.name}, {"description", field.description}, {"unit", field.unit}};
-    if (field.enumeration != nullptr) {
-      for (const auto& [value, label] : field.enumeration->labels) argument["labels"].push_back(label);
-    }
-    if (field.range)
-      argument["range"] = {field.range->low.value_or(-HUGE_VAL), field.range->high.value_or(HUGE_VAL)};
-    if (field.has_default) argument["default"] = field.default_text;
-    json["arguments"].push_back(argument);
-  }
-  return json;
-}
-
 }  // namespace
 
 Exit list(const mission::Dictionary& dictionary, const std::string& name, bool json) {
@@ -886,7 +848,9 @@ Exit list(const mission::Dictionary& dictionary, const std::string& name, bool j
     if (!name.empty() && (exact ? command.name != name : !command.name.starts_with(name))) continue;
     found = true;
     if (json) {
-      std::puts(command_json(command).dump(-1, ' ', false, nlohmann::json::error_handler_t::replace).c_str());
+      std::puts(to_json(command, dictionary)
+                    .dump(-1, ' ', false, nlohmann::json::error_handler_t::replace)
+                    .c_str());
       continue;
     }
     std::puts(

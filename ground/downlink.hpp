@@ -26,7 +26,8 @@ inline constexpr std::uint8_t files = 2;
 struct ReceivedPacket {
   std::uint8_t vc = 0;
   wire::TmPacket packet;
-  Octets raw = {};  ///< the Space Packet as it came
+  Octets raw = {};              ///< the Space Packet as it came
+  std::int64_t archive_id = 0;  ///< its number in the archive; 0: none, or not recorded
 };
 
 /// A Space Packet of the downlink as PUS telemetry; the time packet, which has no secondary header, as 9,2.

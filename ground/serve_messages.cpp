@@ -60,7 +60,23 @@ ReceivedPacket packet_of(const nlohmann::json& message) {
   auto telemetry = telemetry_in(received.raw);
   if (!telemetry) throw std::invalid_argument("not a telemetry packet");
   received.packet = std::move(*telemetry);
+  received.archive_id = message.value("id", std::int64_t{0});
   return received;
+}
+
+nlohmann::json to_message(const SeenTelecommand& seen) {
+  return {{"type", "telecommand"},
+          {"request", to_message(seen.request)},
+          {"name", seen.name},
+          {"who", seen.who},
+          {"scheduled", seen.scheduled}};
+}
+
+SeenTelecommand telecommand_of(const nlohmann::json& message) {
+  return {.request = request_of(message.at("request")),
+          .name = message.at("name").get<std::string>(),
+          .who = message.at("who").get<std::string>(),
+          .scheduled = message.at("scheduled").get<bool>()};
 }
 
 nlohmann::json to_message(const CopReport& report) {
@@ -217,7 +233,8 @@ std::optional<ServerStatus> status_of(const nlohmann::json& welcome) {
                         .line_open = welcome.at("line_open").get<bool>(),
                         .locked = welcome.at("locked").get<bool>(),
                         .counters = counters_of(welcome.at("counters")),
-                        .cop = cop_of(welcome.at("service"))};
+                        .cop = cop_of(welcome.at("service")),
+                        .archive_problem = welcome.value("archive_problem", "")};
   } catch (const std::exception&) {
     return std::nullopt;
   }

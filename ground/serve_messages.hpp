@@ -24,6 +24,7 @@ inline constexpr std::size_t message_octets_max = 160'000;
 inline constexpr std::string_view socket_name = "serve.sock";  ///< in STATE
 
 [[nodiscard]] nlohmann::json to_message(const ReceivedPacket& received);
+[[nodiscard]] nlohmann::json to_message(const SeenTelecommand& seen);
 [[nodiscard]] nlohmann::json to_message(const CopReport& report);
 [[nodiscard]] nlohmann::json to_message(const DownlinkCounters& counters);
 [[nodiscard]] nlohmann::json to_message(const cfdp::Report& report);
@@ -32,6 +33,7 @@ inline constexpr std::string_view socket_name = "serve.sock";  ///< in STATE
 [[nodiscard]] nlohmann::json to_message(wire::RequestId request);
 
 [[nodiscard]] ReceivedPacket packet_of(const nlohmann::json& message);
+[[nodiscard]] SeenTelecommand telecommand_of(const nlohmann::json& message);
 [[nodiscard]] CopReport cop_of(const nlohmann::json& message);
 [[nodiscard]] DownlinkCounters counters_of(const nlohmann::json& message);
 [[nodiscard]] cfdp::News news_of(const nlohmann::json& message);

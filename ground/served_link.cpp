@@ -65,6 +65,7 @@ Result<bool, std::string> ServerConnection::connect() {
                        {"verb", hello_.verb},
                        {"files", hello_.files},
                        {"octets", hello_.octets}};
+  if (hello_.telecommands) hello["telecommands"] = true;
   if (hello_.keys) hello["keys"] = to_text(*hello_.keys);
   if (seen_ != 0) hello["after"] = seen_;
   if (ad_wanted_) hello["ad"] = true;
@@ -220,9 +221,10 @@ Result<nlohmann::json, ServerConnection::Failure> ServedLink::call(nlohmann::jso
 }
 
 /// A call that may be repeated when the server ended: the next one knows by the token whether it was done.
-Result<nlohmann::json, ServerConnection::Failure> ServedLink::call_once(const nlohmann::json& message) {
+Result<nlohmann::json, ServerConnection::Failure> ServedLink::call_once(nlohmann::json message) {
   constexpr int servers_max = 5;
   auto reply = call(message);
+  message["again"] = true;
   for (int servers = 1; servers < servers_max && !reply; ++servers) {
     if (reply.error().error != ServerConnection::CallError::unknown) break;
     if (!connection_.welcome().value("archive", false)) break;
@@ -273,6 +275,18 @@ void ServedLink::select_keys(suite::AssociationSet set, const std::string& why) 
   if (!reply) report_problem(reply.error().text);
 }
 
+Result<void, std::string> ServedLink::fill_gaps() {
+  const auto reply = call({{"type", "fill_gaps"}});
+  if (!reply) return Err(reply.error().text);
+  return {};
+}
+
+Result<void, std::string> ServedLink::acknowledge(std::int64_t event, const std::string& who) {
+  const auto reply = call({{"type", "acknowledge"}, {"id", event}, {"who", who}});
+  if (!reply) return Err(reply.error().text);
+  return {};
+}
+
 Result<cfdp::TransactionId, std::string> ServedLink::put(const std::filesystem::path& file,
                                                          const std::string& name, bool resume) {
   std::error_code error;
@@ -303,16 +317,17 @@ Result<void, std::string> ServedLink::on_readable() {
 }
 
 Result<void, std::string> ServedLink::take_messages() {
+  Result<void, std::string> outcome;  // what came after the line was closed is taken, too
   for (const nlohmann::json& message : connection_.take_messages()) {
     try {
-      if (const auto taken = take(message); !taken) return taken;
+      if (const auto taken = take(message); !taken) outcome = taken;
     } catch (const nlohmann::json::exception& error) {
       report_problem(std::string("a message of the server cannot be read: ") + error.what());
     } catch (const std::invalid_argument& error) {
       report_problem(std::string("a message of the server cannot be read: ") + error.what());
     }
   }
-  return {};
+  return outcome;
 }
 
 Result<void, std::string> ServedLink::take(const nlohmann::json& message) {
@@ -336,6 +351,8 @@ Result<void, std::string> ServedLink::take(const nlohmann::json& message) {
     }
     if (output_.ad) output_.ad(number, progress);
   }
+  if (type == "telecommand" && output_.telecommand) output_.telecommand(serve::telecommand_of(message));
+  if (type == "line_opened" && output_.line_opened) output_.line_opened();
   if (type == "line_closed") return Err(message.at("message").get<std::string>());
   return {};
 }
@@ -355,6 +372,7 @@ void ServedLink::take_state(const nlohmann::json& message) {
   clcw_.reset();
   if (!message.at("clcw").is_null()) clcw_ = message.at("clcw").get<std::uint32_t>();
   sent_ = message.at("sent").get<std::uint64_t>();
+  archive_problem_ = message.value("archive_problem", "");
 }
 
 void ServedLink::take_cop(const CopReport& report) {

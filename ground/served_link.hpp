@@ -28,8 +28,9 @@ class ServerConnection {
 
   struct Hello {
     std::string verb;
-    bool files = false;   ///< news of file transfers, and problems, are wanted
-    bool octets = false;  ///< the octets of the line instead of packets
+    bool files = false;         ///< news of file transfers, and problems, are wanted
+    bool octets = false;        ///< the octets of the line instead of packets
+    bool telecommands = false;  ///< those of others are wanted, too
     std::optional<suite::AssociationSet> keys = {};
   };
 
@@ -109,6 +110,14 @@ class ServedLink final : public StationLink {
                                                              const std::string& name, bool resume) override;
   [[nodiscard]] std::vector<cfdp::Report> transfers() const override { return transfers_; }
   [[nodiscard]] bool order_transfer(cfdp::TransactionId id, TransferOrder order) override;
+  /// From now on the server fills gaps of its archive.
+  [[nodiscard]] Result<void, std::string> fill_gaps();
+  /// Notes in the archive that an event was seen. @param event  its number there
+  [[nodiscard]] Result<void, std::string> acknowledge(std::int64_t event, const std::string& who);
+  /// Why the server records nothing now; empty: it does.
+  [[nodiscard]] const std::string& archive_problem() const { return archive_problem_; }
+  /// Whether the server had the line when it was found.
+  [[nodiscard]] bool line_was_open() const { return connection_.welcome().value("line_open", false); }
   [[nodiscard]] int fd() const override { return connection_.fd(); }
   [[nodiscard]] Result<void, std::string> on_readable() override;
   [[nodiscard]] Result<void, std::string> on_time() override;
@@ -135,7 +144,7 @@ class ServedLink final : public StationLink {
   void tell_resumed();
   void end_transfers(const std::vector<cfdp::Report>& before);
   [[nodiscard]] std::string new_token();
-  [[nodiscard]] Result<nlohmann::json, ServerConnection::Failure> call_once(const nlohmann::json& message);
+  [[nodiscard]] Result<nlohmann::json, ServerConnection::Failure> call_once(nlohmann::json message);
 
   ServerConnection connection_;
   bool files_;
@@ -145,6 +154,7 @@ class ServedLink final : public StationLink {
   bool locked_ = false;
   std::optional<std::uint32_t> clcw_;
   std::uint64_t sent_ = 0;
+  std::string archive_problem_;
   std::vector<cfdp::Report> transfers_;
   std::set<std::uint64_t> in_ad_;    ///< numbers in the hands of the AD service
   std::set<std::uint64_t> orphans_;  ///< of them those that went with a server that ended

@@ -38,7 +38,13 @@ ClientHub::Memory memory_of(Recorder* recorder) {
                 recorder->packets_after(id, replayed_max,
                                         [&](const StoredPacket& stored) { take(stored.id, stored.packet); });
               },
-          .file = [recorder](const auto& news) { recorder->on_file(news, system_utc_now()); }};
+          .file = [recorder](const auto& news) { recorder->on_file(news, system_utc_now()); },
+          .problem = [recorder] { return recorder->problem(); },
+          .acknowledge =
+              [recorder](std::int64_t id, const auto& who) {
+                return recorder->acknowledge(id, {system_utc_now(), who});
+              },
+          .fill_gaps = [recorder] { recorder->fill_gaps(); }};
 }
 
 }  // namespace
@@ -67,22 +73,23 @@ Result<Server, std::string> Server::open(const std::filesystem::path& state_dir)
   return Server(socket, std::move(*lock), std::move(*listener));
 }
 
-void Server::open_line(DirectLink& link, const OpenPort& open_port, MonotonicTime now) {
-  if (link.fd() >= 0 || now < next_opening_) return;
+bool Server::open_line(DirectLink& link, const OpenPort& open_port, MonotonicTime now) {
+  if (link.fd() >= 0 || now < next_opening_) return false;
   next_opening_ = now + opening_period;
   auto port = open_port();
   if (!port) {
     if (std::exchange(told_problem_, port.error()) != port.error())
       log_of_server(port.error() + "; trying again every second");
-    return;
+    return false;
   }
   told_problem_.clear();
   link.replace_port(std::move(*port));
   log_of_server("the line is open");
+  return true;
 }
 
 void Server::run(DirectLink& link, const OpenPort& open_port, const wire::FopSettings& fop,
-                 Recorder* recorder) {
+                 Recorder* recorder, const std::function<void(MonotonicTime)>& companion) {
   const Fd signals = termination_signals();
   ignore_broken_pipes();
   ClientHub hub(link, {.write = [&link](OctetView octets) { return link.write(octets); },
@@ -90,18 +97,19 @@ void Server::run(DirectLink& link, const OpenPort& open_port, const wire::FopSet
                        .fop = fop,
                        .memory = memory_of(recorder)});
   link.set_octets_output([&hub](OctetView octets) { hub.on_octets(octets); });
-  if (recorder != nullptr) {
-    link.set_made_output([recorder](const auto& order, const auto& request, bool scheduled) {
+  link.set_made_output([recorder, &hub](const auto& order, const auto& request, bool scheduled) {
+    if (recorder != nullptr)
       static_cast<void>(recorder->on_telecommand(order, request, scheduled, system_utc_now()));
-    });
-  }
+    hub.on_telecommand({request, order.command.command->name, order.who, scheduled});
+  });
   link.queue_for_line();
   bool busy = false;  // aggregates are to be made, between the turns
   while (!ended_) {
-    open_line(link, open_port, monotonic_now());
+    if (open_line(link, open_port, monotonic_now())) hub.on_line_opened();
     wait(link, hub, signals.get(), busy);
     static_cast<void>(link.on_time());
     hub.on_time(monotonic_now());
+    if (companion) companion(monotonic_now());
     if (recorder != nullptr) {
       recorder->fill(link, monotonic_now());
       recorder->commit();  // before anything is shown

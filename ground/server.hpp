@@ -27,14 +27,17 @@ class Server {
   /// @param link  its port may be closed
   /// @param fop  of the link's AD service
   /// @param recorder  nullptr: nothing is remembered
-  void run(DirectLink& link, const OpenPort& open_port, const wire::FopSettings& fop, Recorder* recorder);
+  /// @param companion  done in every turn, at least each ClientHub::state_period; never blocks
+  void run(DirectLink& link, const OpenPort& open_port, const wire::FopSettings& fop, Recorder* recorder,
+           const std::function<void(MonotonicTime)>& companion = {});
 
   [[nodiscard]] const std::filesystem::path& socket() const { return socket_; }
 
  private:
   Server(std::filesystem::path socket, Fd lock, Fd listener)
       : socket_(std::move(socket)), lock_(std::move(lock)), listener_(std::move(listener)) {}
-  void open_line(DirectLink& link, const OpenPort& open_port, MonotonicTime now);
+  /// @return whether it is open since now
+  [[nodiscard]] bool open_line(DirectLink& link, const OpenPort& open_port, MonotonicTime now);
   void accept_clients(ClientHub& hub);
   /// One message: the line and the other clients come before the next.
   void read_from(ClientHub& hub, ClientHub::ClientId client);

@@ -10,16 +10,45 @@
 #include "ground/arming.hpp"
 
 namespace srfs::ground {
+namespace {
+
+constexpr milliseconds longest_schedule = std::chrono::hours(24);  ///< of a telecommand of another user
+
+}  // namespace
+
 Station::Station(const mission::Dictionary& dictionary, std::unique_ptr<StationLink> link,
                  StationOutput output)
-    : dictionary_(dictionary), link_(std::move(link)), commanding_(dictionary), output_(std::move(output)) {
-  link_->set_output({.packet = [this](const auto& packet) { on_packet(packet, monotonic_now()); },
-                     .ad = [this](auto number, auto progress) { on_ad(number, progress); },
-                     .cop = output_.cop,
-                     .file = output_.file,
-                     .keys = output_.keys,
-                     .problem = output_.problem,
-                     .note = output_.note});
+    : dictionary_(dictionary),
+      link_(std::move(link)),
+      commanding_(dictionary),
+      others_(dictionary),
+      output_(std::move(output)) {
+  link_->set_output(
+      {.packet = [this](const auto& packet) { on_packet(packet, monotonic_now()); },
+       .ad = [this](auto number, auto progress) { on_ad(number, progress); },
+       .cop = output_.cop,
+       .file = output_.file,
+       .keys = output_.keys,
+       .problem = output_.problem,
+       .note = output_.note,
+       .telecommand = [this](const auto& seen) { on_telecommand_of_other(seen, monotonic_now()); },
+       .line_opened = output_.line_opened});
+}
+
+void Station::on_telecommand_of_other(const SeenTelecommand& seen, MonotonicTime now) {
+  const auto* command = dictionary_.command(seen.name);
+  if (command == nullptr || !output_.stage_of_other) return;
+  if (whose_.size() == Commanding::max_outstanding) whose_.erase(whose_.begin());
+  whose_[seen.request] = seen.who;
+  if (seen.scheduled) return others_.follow_scheduled(seen.request, *command, longest_schedule, 0, now);
+  tell_stage_of_other(others_.sent(seen.request, *command, command->timeout + report_margin, 0, now));
+}
+
+void Station::tell_stage_of_other(StageReport report) {
+  const auto whose = whose_.find(report.request);
+  report.who = whose == whose_.end() ? "?" : whose->second;
+  if (whose != whose_.end() && report.is_final()) whose_.erase(whose);
+  output_.stage_of_other(report);
 }
 
 Result<wire::RequestId, std::string> Station::send(const std::string& command,
@@ -184,8 +213,14 @@ void Station::on_packet(const ReceivedPacket& received, MonotonicTime now) {
     if (retrieval.on_packet(received, now)) break;
   }
   if (received.vc != tm_channel::playback) {
-    if (const auto report = commanding_.on_packet(received.packet, now)) {
+    if (auto report = commanding_.on_packet(received.packet, now)) {
+      report->archive_id = received.archive_id;
       on_stage(*report, now);
+      return;
+    }
+    if (auto report = others_.on_packet(received.packet, now)) {
+      report->archive_id = received.archive_id;
+      tell_stage_of_other(*report);
       return;
     }
   }
@@ -223,6 +258,7 @@ Result<void, std::string> Station::on_time() {
   auto alive = link_->on_time();
   const MonotonicTime now = monotonic_now();
   for (const auto& report : commanding_.on_time(now)) on_stage(report, now);
+  for (const auto& report : others_.on_time(now)) tell_stage_of_other(report);
   end_retrievals(now);
   return alive;
 }
@@ -231,6 +267,8 @@ std::optional<MonotonicTime> Station::next_deadline() const {
   auto deadline = commanding_.next_deadline();
   if (const auto of_link = link_->next_deadline(); of_link && (!deadline || *of_link < *deadline))
     deadline = of_link;
+  if (const auto of_others = others_.next_deadline(); of_others && (!deadline || *of_others < *deadline))
+    deadline = of_others;
   if (!retrievals_.empty()) {
     const MonotonicTime look = monotonic_now() + milliseconds(200);
     if (!deadline || look < *deadline) deadline = look;

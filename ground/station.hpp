@@ -27,6 +27,9 @@ struct StationOutput {
   std::function<void(suite::AssociationSet, const std::string& why)> keys;  ///< other keys are used now
   std::function<void(const std::string&)> problem;                          ///< ready to print
   std::function<void(const std::string&)> note;                             ///< no failure; ready to print
+  /// Stages of telecommands of other users of the same server, when the link reports these.
+  std::function<void(const StageReport&)> stage_of_other = {};
+  std::function<void()> line_opened = {};
 };
 
 /// The operator's end of the link: sends telecommands, decodes telemetry, follows verification. Telecommands
@@ -124,10 +127,14 @@ class Station {
               const std::string& why);
   void on_packet(const ReceivedPacket& received, MonotonicTime now);
   void on_stage(const StageReport& report, MonotonicTime now);
+  void on_telecommand_of_other(const SeenTelecommand& seen, MonotonicTime now);
+  void tell_stage_of_other(StageReport report);
   void end_retrievals(MonotonicTime now);
   const mission::Dictionary& dictionary_;
   std::unique_ptr<StationLink> link_;
   Commanding commanding_;
+  Commanding others_;                                       ///< telecommands of other users
+  std::map<wire::RequestId, std::string> whose_;            ///< of them; bounded as these
   std::map<std::uint64_t, AdTelecommand> ad_telecommands_;  // by number; bounded by AD queue and window
   std::uint64_t next_ad_number_ = 1;
   std::map<wire::RequestId, wire::RequestId> insertions_;  // insertion -> its telecommand; bounded

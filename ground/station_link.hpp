@@ -31,6 +31,14 @@ enum class AdProgress : std::uint8_t {
   unknown,      ///< the server ended; whether it was transmitted is unknown, unless it was reported
 };
 
+/// A telecommand that another user of the same server sends.
+struct SeenTelecommand {
+  wire::RequestId request;
+  std::string name;
+  std::string who;
+  bool scheduled = false;  ///< a packet for the schedule on board
+};
+
 /// What a link reports. Functions that are not set are not called.
 struct LinkOutput {
   std::function<void(const ReceivedPacket&)> packet;
@@ -40,6 +48,8 @@ struct LinkOutput {
   std::function<void(suite::AssociationSet, const std::string& why)> keys;  ///< other keys are used now
   std::function<void(const std::string&)> problem;                          ///< ready to print
   std::function<void(const std::string&)> note;                             ///< no failure; ready to print
+  std::function<void(const SeenTelecommand&)> telecommand = {};             ///< if they were asked for
+  std::function<void()> line_opened = {};                                   ///< after it was closed
 };
 
 struct TelecommandOrder {

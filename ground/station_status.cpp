@@ -36,7 +36,11 @@ std::string server_lines(const ServerStatus& server) {
     if (server.cop.clcw->lockout) cop += ", LOCKOUT";
     if (server.cop.clcw->wait) cop += ", wait";
   }
-  return lines + fmt::format("{:<18} {}\n", "COP-1", cop);
+  lines += fmt::format("{:<18} {}\n", "COP-1", cop);
+  if (!server.archive_problem.empty())
+    lines += fmt::format("{:<18} FAILS, nothing is recorded: {}\n", "archive",
+                         for_terminal(server.archive_problem));
+  return lines;
 }
 
 }  // namespace
@@ -107,11 +111,11 @@ nlohmann::json to_json(const StationStatus& status, const mission::Dictionary& d
                       {"last_contact", nullptr},
                       {"open_gaps", status.open_gaps}};
   if (status.server)
-    json["server"] = {{"clients", status.server->clients},
-                      {"line_open", status.server->line_open},
-                      {"locked", status.server->locked},
-                      {"stats", to_json(status.server->counters)},
-                      {"cop", to_json(status.server->cop)}};
+    json["server"] = {{"clients", status.server->clients},  {"line_open", status.server->line_open},
+                      {"locked", status.server->locked},    {"stats", to_json(status.server->counters)},
+                      {"cop", to_json(status.server->cop)}, {"archive_problem", nullptr}};
+  if (status.server && !status.server->archive_problem.empty())
+    json["server"]["archive_problem"] = status.server->archive_problem;
   if (const auto* beacon = status.latest.structure("beacon")) {
     json["beacon"] = to_json(beacon->report);
     json["beacon"]["received"] = to_iso8601(beacon->received);

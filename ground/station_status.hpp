@@ -22,6 +22,7 @@ struct ServerStatus {
   bool locked = false;
   DownlinkCounters counters;
   CopReport cop;
+  std::string archive_problem = {};  ///< why the server records nothing now; empty: it does
 };
 
 /// The station at a glance.

@@ -173,6 +173,7 @@ TelemetryReport decode_telemetry(const mission::Dictionary& dictionary, const Re
   report.time = packet.time;
   report.time_reference = packet.time_reference;
   report.undecoded = packet.source;
+  report.archive_id = received.archive_id;
   const auto* process = dictionary.apid(packet.apid);
   report.source = process == nullptr ? fmt::format("apid {}", packet.apid) : process->name;
   const OctetReader in(packet.source);

@@ -43,7 +43,8 @@ struct TelemetryReport {
   std::string text;                 ///< event: rendered; other: why it could not be decoded
   std::vector<mission::DecodedField> fields;
   std::optional<ScheduleReport> schedule;
-  Octets undecoded;  ///< source data that the dictionary does not explain
+  Octets undecoded;             ///< source data that the dictionary does not explain
+  std::int64_t archive_id = 0;  ///< as ReceivedPacket
 };
 
 /// Decodes one packet with the dictionary. Never fails: what is unknown comes as octets.

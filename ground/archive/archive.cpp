@@ -37,7 +37,7 @@ struct Table {
   const char* name;
   bool numbered;  ///< it has row numbers
 };
-constexpr std::array<Table, 11> tables{{{"packets", true},
+constexpr std::array<Table, 12> tables{{{"packets", true},
                                         {"telecommands", true},
                                         {"reports", false},
                                         {"files", true},
@@ -47,7 +47,8 @@ constexpr std::array<Table, 11> tables{{{"packets", true},
                                         {"parameters", true},
                                         {"minutes", false},
                                         {"dirty", false},
-                                        {"pruned", true}}};
+                                        {"pruned", true},
+                                        {"acknowledgements", true}}};
 
 std::int64_t number_of(const wire::RequestId& request) {
   return static_cast<std::int64_t>(request.packet_identification) << 16 | request.packet_sequence_control;
@@ -109,6 +110,10 @@ Where where_of(const PacketFilter& filter) {
   if (filter.subtype) where.is("subtype=", *filter.subtype);
   if (filter.structure) where.is("structure=", *filter.structure);
   if (filter.after_id) where.is("id>", *filter.after_id);
+  if (filter.before_id) {
+    where.is("(time,id)<(SELECT time, id FROM packets WHERE id=", *filter.before_id);
+    where.sql += ")";
+  }
   if (filter.latest_live) where.is("copies&", live_copy);
   return where;
 }
@@ -134,6 +139,11 @@ class SqliteArchive final : public Archive {
   Outcome forget_minutes() override;
   Outcome packets(const PacketFilter& filter, const std::function<bool(const StoredPacket&)>& take) override;
   Result<std::uint64_t, std::string> count(const PacketFilter& filter) override;
+  Result<std::optional<StoredTelecommand>, std::string> telecommand_of(const wire::RequestId& request,
+                                                                       UtcTime before) override;
+  Result<bool, std::string> acknowledge(std::int64_t packet, const Acknowledgement& acknowledgement) override;
+  Result<std::optional<Acknowledgement>, std::string> acknowledgement_of(std::int64_t packet) override;
+  Result<std::int64_t, std::string> newest_packet() override;
   Result<std::vector<StoredTelecommand>, std::string> telecommands(const Period& period,
                                                                    std::size_t most) override;
   Result<std::vector<Point>, std::string> minutes(const std::string& parameter,
@@ -575,14 +585,86 @@ Archive::Outcome SqliteArchive::packets(const PacketFilter& filter,
 }
 
 Result<std::uint64_t, std::string> SqliteArchive::count(const PacketFilter& filter) {
-  const Where where = where_of(filter);
+  Where where = where_of(filter);
+  if (filter.most != SIZE_MAX) {
+    where.sql += " LIMIT ?";
+    where.values.push_back(static_cast<std::int64_t>(filter.most));
+  }
   std::uint64_t rows = 0;
-  const auto done = each("SELECT count(*) FROM packets" + where.sql, where, [&](const Statement& row) {
-    rows = static_cast<std::uint64_t>(row.integer(0));
+  const auto done =
+      each("SELECT count(*) FROM (SELECT 1 FROM packets" + where.sql + ")", where, [&](const Statement& row) {
+        rows = static_cast<std::uint64_t>(row.integer(0));
+        return false;
+      });
+  if (!done) return Err(done.error());
+  return rows;
+}
+
+/// Of a row of telecommand_columns.
+StoredTelecommand telecommand_in(const Statement& row) {
+  return {.id = row.integer(0),
+          .entry = {.token = row.text(1),
+                    .request = request_id_of(row.integer(2)),
+                    .sent = time_of(row.integer(3)),
+                    .who = row.text(4),
+                    .name = row.text(5),
+                    .arguments = strings_in(row.text(6)),
+                    .ad = row.integer(7) != 0,
+                    .scheduled = row.integer(8) != 0},
+          .reports = {}};
+}
+
+constexpr std::string_view telecommand_columns =
+    "SELECT id, token, request, sent, who, name, arguments, ad, scheduled FROM telecommands";
+
+Result<std::optional<StoredTelecommand>, std::string> SqliteArchive::telecommand_of(
+    const wire::RequestId& request, UtcTime before) {
+  Where where;
+  where.is("request=", number_of(request));
+  where.is("sent<", before.ns());
+  std::optional<StoredTelecommand> found;
+  const auto done = each(std::string(telecommand_columns) + where.sql + " ORDER BY id DESC LIMIT 1", where,
+                         [&](const Statement& row) {
+                           found = telecommand_in(row);
+                           return false;
+                         });
+  if (!done) return Err(done.error());
+  return found;
+}
+
+Result<bool, std::string> SqliteArchive::acknowledge(std::int64_t packet,
+                                                     const Acknowledgement& acknowledgement) {
+  const auto done = write(
+      "INSERT OR IGNORE INTO acknowledgements(packet, time, who) SELECT id, ?, ? FROM packets WHERE id=? AND "
+      "service=5",
+      [&](Statement& s) {
+        s.bind(1, acknowledgement.time.ns()).bind(2, acknowledgement.who).bind(3, packet);
+      });
+  if (!done) return Err(done.error());
+  return database_.changes() > 0;
+}
+
+Result<std::optional<Acknowledgement>, std::string> SqliteArchive::acknowledgement_of(std::int64_t packet) {
+  Where where;
+  where.is("packet=", packet);
+  std::optional<Acknowledgement> found;
+  const auto done =
+      each("SELECT time, who FROM acknowledgements" + where.sql, where, [&](const Statement& row) {
+        found = Acknowledgement{time_of(row.integer(0)), row.text(1)};
+        return false;
+      });
+  if (!done) return Err(done.error());
+  return found;
+}
+
+Result<std::int64_t, std::string> SqliteArchive::newest_packet() {
+  std::int64_t newest = 0;
+  const auto done = each("SELECT id FROM packets ORDER BY id DESC LIMIT 1", {}, [&](const Statement& row) {
+    newest = row.integer(0);
     return false;
   });
   if (!done) return Err(done.error());
-  return rows;
+  return newest;
 }
 
 Result<std::vector<StoredTelecommand>, std::string> SqliteArchive::telecommands(const Period& period,
@@ -590,20 +672,9 @@ Result<std::vector<StoredTelecommand>, std::string> SqliteArchive::telecommands(
   Where where;
   where.in("sent", period);
   std::vector<StoredTelecommand> found;
-  auto done = each("SELECT id, token, request, sent, who, name, arguments, ad, scheduled FROM telecommands" +
-                       where.sql + " ORDER BY id DESC",
-                   where, [&](const Statement& row) {
-                     StoredTelecommand stored;
-                     stored.id = row.integer(0);
-                     stored.entry = {.token = row.text(1),
-                                     .request = request_id_of(row.integer(2)),
-                                     .sent = time_of(row.integer(3)),
-                                     .who = row.text(4),
-                                     .name = row.text(5),
-                                     .arguments = strings_in(row.text(6)),
-                                     .ad = row.integer(7) != 0,
-                                     .scheduled = row.integer(8) != 0};
-                     found.push_back(std::move(stored));
+  auto done = each(std::string(telecommand_columns) + where.sql + " ORDER BY id DESC", where,
+                   [&](const Statement& row) {
+                     found.push_back(telecommand_in(row));
                      return found.size() < most;
                    });
   std::reverse(found.begin(), found.end());

@@ -91,6 +91,12 @@ struct StoredGap {
   GapState state = GapState::open;
 };
 
+/// An operator has seen an event.
+struct Acknowledgement {
+  UtcTime time;
+  std::string who;
+};
+
 struct PacketFilter {
   Period period = {};
   std::optional<std::uint16_t> apid = {};
@@ -98,6 +104,7 @@ struct PacketFilter {
   std::optional<std::uint8_t> subtype = {};
   std::optional<std::uint16_t> structure = {};  ///< of housekeeping (3,25) or an event (5,x): its number
   std::optional<std::int64_t> after_id = {};    ///< packets that came later than this one
+  std::optional<std::int64_t> before_id = {};   ///< packets whose time is before that of this one
   bool newest_first = false;
   bool latest_live =
       false;  ///< live packets alone, what came last first, whatever the spacecraft's clock says
@@ -120,6 +127,9 @@ class Archive {
                                                               UtcTime received) = 0;
   [[nodiscard]] virtual Outcome add(const TelecommandEntry& telecommand) = 0;
   [[nodiscard]] virtual Outcome add(const FileEntry& file) = 0;
+  /// @return whether that packet is an event, not acknowledged before
+  [[nodiscard]] virtual Result<bool, std::string> acknowledge(std::int64_t packet,
+                                                              const Acknowledgement& acknowledgement) = 0;
   /// An error of any writing loses what was added since the last commit; of its packets, a gap is found.
   /// @return whether there was anything to commit
   [[nodiscard]] virtual Result<bool, std::string> commit() = 0;
@@ -149,9 +159,18 @@ class Archive {
   /// @param take  false: enough
   [[nodiscard]] virtual Outcome packets(const PacketFilter& filter,
                                         const std::function<bool(const StoredPacket&)>& take) = 0;
+  /// At most filter.most; no more are looked at.
   [[nodiscard]] virtual Result<std::uint64_t, std::string> count(const PacketFilter& filter) = 0;
   [[nodiscard]] virtual Result<std::vector<StoredTelecommand>, std::string> telecommands(
       const Period& period, std::size_t most) = 0;
+  /// The newest telecommand with this request that was sent before @p before, without its reports. Request
+  /// ids come again, after 16384 telecommands of a process.
+  [[nodiscard]] virtual Result<std::optional<StoredTelecommand>, std::string> telecommand_of(
+      const wire::RequestId& request, UtcTime before) = 0;
+  [[nodiscard]] virtual Result<std::optional<Acknowledgement>, std::string> acknowledgement_of(
+      std::int64_t packet) = 0;
+  /// The number of the packet that came last; 0: there is none.
+  [[nodiscard]] virtual Result<std::int64_t, std::string> newest_packet() = 0;
   [[nodiscard]] virtual Result<std::vector<Point>, std::string> minutes(const std::string& parameter,
                                                                         const Period& period) = 0;
   /// Minutes of a structure in this period whose aggregates are not made yet.
@@ -171,7 +190,7 @@ class Archive {
 };
 
 inline constexpr std::string_view archive_name = "archive.sqlite";  ///< in STATE
-inline constexpr std::int64_t archive_schema = 2;
+inline constexpr std::int64_t archive_schema = 3;
 
 enum class ArchiveUse : std::uint8_t { read, write };
 /// Opens or makes an archive in an SQLite file, and brings an older one up to date.

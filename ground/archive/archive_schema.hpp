@@ -60,6 +60,9 @@ CREATE TABLE pruned(one INTEGER PRIMARY KEY CHECK(one=1),
 DROP INDEX gap_state;
 CREATE INDEX gap_state ON gaps(state, apid, end);
 CREATE INDEX packet_latest ON packets(service, structure);
+)sql",
+                                          R"sql(
+CREATE TABLE acknowledgements(packet INTEGER PRIMARY KEY, time INTEGER NOT NULL, who TEXT NOT NULL);
 )sql"};
 
 }  // namespace srfs::ground

@@ -21,8 +21,9 @@ Period period_of(const Gap& gap) {
 
 std::vector<StoredGap> GapFiller::to_try(std::vector<StoredGap> open, UtcTime now) {
   // Thinned telemetry makes one gap after the other: they are fetched together.
-  std::erase_if(
-      open, [&](const StoredGap& stored) { return stored.gap.from > now - settles || is_exhausted(stored); });
+  std::erase_if(open, [&](const StoredGap& stored) {
+    return stored.gap.from > now - settles || is_exhausted(stored) || is_undated(stored);
+  });
   std::stable_sort(open.begin(), open.end(),
                    [](const auto& a, const auto& b) { return a.attempts < b.attempts; });
   return open;

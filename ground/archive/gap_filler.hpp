@@ -29,6 +29,9 @@ class GapFiller {
   /// Gaps that can be tried now: those that were tried least come first.
   [[nodiscard]] static std::vector<StoredGap> to_try(std::vector<StoredGap> open, UtcTime now);
   [[nodiscard]] static bool is_exhausted(const StoredGap& stored) { return stored.attempts >= attempts_max; }
+  /// From before the spacecraft's clock was set: no retrieval by time finds it.
+  [[nodiscard]] static bool is_undated(const StoredGap& stored) { return stored.gap.to < earliest; }
+  static constexpr UtcTime earliest{seconds(946'684'800)};  ///< 2000-01-01: an unset clock begins in 1970
 
   void on_packet(const ReceivedPacket& received, MonotonicTime now);
   /// Nothing is under way, and there is contact: next() may have something to order.

@@ -57,6 +57,7 @@ const mission::Structure* structure_of(const mission::Dictionary& dictionary, co
 void Recorder::judge(const Archive::Outcome& written) {
   if (written) return;
   unrecorded_ += std::exchange(pending_, 0);
+  problem_ = written.error();
   if (!std::exchange(failing_, true))
     log_(fmt::format("the archive fails: {}; what comes is shown, and not recorded", written.error()));
 }
@@ -71,6 +72,7 @@ Archive::Outcome Recorder::commit_all() {
   if (!committed) return Err(committed.error());
   if (!*committed) return {};  // nothing was tried
   pending_ = 0;
+  problem_.clear();
   if (std::exchange(failing_, false))
     log_(fmt::format("the archive works again; {} packets were not recorded", std::exchange(unrecorded_, 0)));
   return {};
@@ -118,6 +120,21 @@ void Recorder::on_file(const cfdp::News& news, UtcTime now) {
   judge(outcome);
 }
 
+Archive::Outcome Recorder::acknowledge(std::int64_t packet, const Acknowledgement& acknowledgement) {
+  const auto done = archive_->acknowledge(packet, acknowledgement);
+  if (!done) {
+    judge(Err(done.error()));
+    return Err(done.error());
+  }
+  const auto known = archive_->acknowledgement_of(packet);
+  if (!known) return Err(known.error());
+  if (!*known) return Err(fmt::format("packet {} is no event of the archive", packet));
+  if (!*done) return Err(fmt::format("acknowledged before, by {}", (*known)->who));
+  const auto committed = commit_all();
+  judge(committed);
+  return committed;
+}
+
 void Recorder::commit() {
   judge(commit_all());
 }
@@ -155,7 +172,8 @@ void Recorder::fill(StationLink& link, MonotonicTime now) {
   if (!open) return report_unreadable(open.error());
   const bool begins = filler_->filling().empty();
   for (const StoredGap& stored : *open) {
-    if (begins && GapFiller::is_exhausted(stored)) judge(archive_->give_up_gap(stored.id));
+    const bool hopeless = GapFiller::is_exhausted(stored) || GapFiller::is_undated(stored);
+    if (begins && hopeless) judge(archive_->give_up_gap(stored.id));
   }
   const auto order = filler_->next(GapFiller::to_try(std::move(*open), system_utc_now()), now);
   if (!order) return;
@@ -201,7 +219,9 @@ Result<std::vector<Point>, std::string> history(Archive& archive, const mission:
   if (structure == nullptr)
     return Err(fmt::format("'{}': expected STRUCTURE.FIELD, as in docs/reference/dictionary.md", parameter));
   const auto filter = housekeeping_of(structure->id, period);
-  const auto there = archive.count(filter);
+  auto bounded = filter;
+  bounded.most = most + 1;
+  const auto there = archive.count(bounded);
   if (!there) return Err(there.error());
   std::vector<Point> points;
   if (*there <= most) {

@@ -30,6 +30,8 @@ class Recorder {
   Archive::Outcome on_telecommand(const TelecommandOrder& order, const wire::RequestId& request,
                                   bool scheduled, UtcTime now);
   void on_file(const cfdp::News& news, UtcTime now);
+  /// @return an error when that packet is no event, or the archive fails
+  [[nodiscard]] Archive::Outcome acknowledge(std::int64_t packet, const Acknowledgement& acknowledgement);
   /// What was recorded before survives the process's death when this has returned. Before anything of it is
   /// shown.
   void commit();
@@ -40,9 +42,13 @@ class Recorder {
   [[nodiscard]] Result<std::optional<wire::RequestId>, std::string> request_of(const std::string& token);
   /// Packets that came after one, in order, at most so many.
   void packets_after(std::int64_t id, std::size_t most, const std::function<void(const StoredPacket&)>& take);
+  /// Why what comes is not recorded; empty: it is.
+  [[nodiscard]] const std::string& problem() const { return problem_; }
   [[nodiscard]] Archive& archive() { return *archive_; }
   /// From now on, gaps are filled from the packet stores on board.
-  void fill_gaps() { filler_.emplace(dictionary_); }
+  void fill_gaps() {
+    if (!filler_) filler_.emplace(dictionary_);
+  }
   /// Sends what the filler orders, if anything. @param link  no AD service is used
   void fill(StationLink& link, MonotonicTime now);
 
@@ -57,6 +63,7 @@ class Recorder {
   const mission::Dictionary& dictionary_;
   Log log_;
   bool failing_ = false;
+  std::string problem_;
   bool told_unreadable_ = false;
   std::uint64_t pending_ = 0;     ///< packets since the last commit
   std::uint64_t unrecorded_ = 0;  ///< packets, while it fails

@@ -317,6 +317,59 @@ TEST_F(ArchiveFile, GivesNoParameterTheNumberOfAnotherAfterAFailure) {
   EXPECT_EQ(archive().minutes("timing.pulses_seen", {})->size(), 1U);
 }
 
+TEST_F(ArchiveFile, KeepsWhoAcknowledgedAnEventFirst) {
+  ReceivedPacket event = timing(7, start, 0);
+  event.packet.service = 5;
+  event.packet.subtype = 3;
+  event.raw = wire::make_tm_packet(event.packet);
+  const auto id = recorder_->on_packet(event, start);
+  const auto other = recorder_->on_packet(timing(8, start, 1), start);
+  recorder_->commit();
+  ASSERT_GT(id, 0);
+  EXPECT_FALSE(*archive().acknowledgement_of(id));
+
+  EXPECT_TRUE(recorder_->acknowledge(id, {start + seconds(5), "Ada"}));
+
+  EXPECT_FALSE(recorder_->acknowledge(id, {start + seconds(9), "Grace"}));
+  EXPECT_FALSE(recorder_->acknowledge(other, {start, "Ada"})) << "no event";
+  EXPECT_FALSE(recorder_->acknowledge(999, {start, "Ada"})) << "no packet";
+  const auto kept = archive().acknowledgement_of(id);
+  ASSERT_TRUE(kept && *kept);
+  EXPECT_EQ((*kept)->who, "Ada");
+  EXPECT_EQ((*kept)->time, start + seconds(5));
+}
+
+TEST_F(ArchiveFile, FindsTheTelecommandOfARequestThatCameAgain) {
+  const wire::RequestId request{0x1811, 0xC003};
+  for (const auto& [name, sent] :
+       {std::pair("eps.switch_load", start), std::pair("ttc.ping", start + seconds(100))}) {
+    ASSERT_TRUE(archive().add(TelecommandEntry{
+        .token = name, .request = request, .sent = sent, .who = "test", .name = name, .arguments = {}}));
+  }
+  ASSERT_TRUE(archive().commit());
+  EXPECT_EQ((*archive().telecommand_of(request, start + seconds(50)))->entry.name, "eps.switch_load");
+  EXPECT_EQ((*archive().telecommand_of(request, start + seconds(500)))->entry.name, "ttc.ping");
+  EXPECT_FALSE(*archive().telecommand_of(request, start));
+  EXPECT_FALSE(*archive().telecommand_of({1, 2}, start + seconds(500)));
+}
+
+TEST_F(ArchiveFile, PagesBackwardsByTheTimeOfAPacketWithoutRepeatingOne) {
+  std::vector<std::int64_t> ids;
+  for (std::uint16_t i = 0; i < 7; ++i) put(timing(i, start + seconds(i / 2), i));
+  recorder_->commit();
+  PacketFilter filter;
+  filter.newest_first = true;
+  filter.most = 3;
+  for (int page = 0; page < 4; ++page) {
+    ASSERT_TRUE(archive().packets(filter, [&ids](const StoredPacket& stored) {
+      ids.push_back(stored.id);
+      return true;
+    }));
+    filter.before_id = ids.back();
+  }
+  EXPECT_THAT(ids, ElementsAre(7, 6, 5, 4, 3, 2, 1));
+}
+
 TEST_F(ArchiveFile, SaysOnceThatItFailsAndThatItWorksOnlyWhenItDoes) {
   run("CREATE TRIGGER fails BEFORE INSERT ON packets BEGIN SELECT RAISE(ABORT, 'no room'); END");
   for (std::uint16_t i = 0; i < 5; ++i) {
@@ -325,9 +378,11 @@ TEST_F(ArchiveFile, SaysOnceThatItFailsAndThatItWorksOnlyWhenItDoes) {
   }
   ASSERT_EQ(log_.size(), 1U);
   EXPECT_THAT(log_.front(), HasSubstr("no room"));
+  EXPECT_THAT(recorder_->problem(), HasSubstr("no room"));
   run("DROP TRIGGER fails");
   put(timing(5, start + seconds(5), 5));
   recorder_->commit();
+  EXPECT_EQ(recorder_->problem(), "");
   ASSERT_EQ(log_.size(), 2U);
   EXPECT_EQ(log_.back(), "the archive works again; 5 packets were not recorded");
 }
@@ -573,7 +628,7 @@ TEST_F(ArchiveFile, TriesNoMoreOpenGapsOfAProcessThanItsMost) {
 TEST_F(ArchiveFile, BringsAnArchiveOfTheFirstSchemaUpToDate) {
   put(timing(1, start, 1));
   recorder_->commit();
-  run("DROP TABLE pruned; DROP INDEX packet_latest; PRAGMA user_version=1");
+  run("DROP TABLE pruned; DROP TABLE acknowledgements; DROP INDEX packet_latest; PRAGMA user_version=1");
   recorder_.reset();
   open();
   EXPECT_EQ(archive().prune("packets", start), 0U);

@@ -160,6 +160,36 @@ TEST_F(Hub, SendsTheTelecommandsOfAllClientsInTheOrderOfTheirComing) {
   EXPECT_TRUE(next(first).is_null()) << "what another client sends is not its matter";
 }
 
+TEST_F(Hub, TellsOfTelecommandsOfOthersTheClientsThatAsked) {
+  const ClientId sender = client();
+  const auto watcher = hub_.on_connect("pid 2 of user 1000");
+  ASSERT_TRUE(watcher);
+  say(*watcher, {{"type", "hello"},
+                 {"protocol", serve::protocol},
+                 {"verb", "web"},
+                 {"files", false},
+                 {"octets", false},
+                 {"telecommands", true}});
+  next(*watcher, "welcome");
+  const SeenTelecommand seen{{0x1811, 0xC007}, "eps.switch_load", "pid 1 of user 1000, tc", true};
+
+  hub_.on_telecommand(seen);
+
+  const auto told = serve::telecommand_of(next(*watcher, "telecommand"));
+  EXPECT_EQ(told.request, seen.request);
+  EXPECT_EQ(told.name, seen.name);
+  EXPECT_EQ(told.who, seen.who);
+  EXPECT_TRUE(told.scheduled);
+  EXPECT_TRUE(next(sender, "telecommand").is_null()) << "it did not ask";
+}
+
+TEST_F(Hub, RefusesOrdersForItsMemoryWithoutAnArchive) {
+  const ClientId id = client();
+  EXPECT_EQ(order(id, "fill_gaps").value("error", ""), "this server has no archive");
+  say(id, {{"type", "acknowledge"}, {"call", 99}, {"id", 1}, {"who", "Ada"}});
+  EXPECT_EQ(next(id, "reply").value("error", ""), "this server has no archive");
+}
+
 TEST_F(Hub, RefusesARepeatedOrderWhenNobodyKnowsWhetherItWasSent) {
   const ClientId id = client();
   EXPECT_THAT(send(id, 1, false, true)["error"].get<std::string>(), HasSubstr("no archive"));

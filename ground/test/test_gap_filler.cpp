@@ -117,6 +117,17 @@ TEST_F(Filler, TriesFirstWhatWasTriedLeastAndNothingForEver) {
   EXPECT_THAT(ids, ElementsAre(3, 1)) << "4 may still grow";
 }
 
+TEST_F(Filler, AsksNotForWhatIsFromBeforeTheClockWasSet) {
+  std::vector<StoredGap> open{gap(1, 0, 9), gap(2, 100, 110), gap(3, 200, 210)};
+  open[1].gap.from = UtcTime(seconds(5));
+  open[1].gap.to = UtcTime(seconds(60));
+  open[2].gap.from = UtcTime(seconds(60));  // the clock was set meanwhile
+  std::vector<std::int64_t> ids;
+  for (const StoredGap& stored : GapFiller::to_try(open, start + seconds(1000))) ids.push_back(stored.id);
+  EXPECT_THAT(ids, ElementsAre(1, 3));
+  EXPECT_TRUE(GapFiller::is_undated(open[1]));
+}
+
 TEST_F(Filler, GivesUpARetrievalThatTheSpacecraftDoesNotAnswer) {
   live();
   order({gap(1, 0, 9)});
