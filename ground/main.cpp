@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <array>
 #include <cctype>
+#include <csignal>
 #include <cstdio>
 #include <cstdlib>
 #include <exception>
@@ -14,15 +15,18 @@
 #include <vector>
 
 #include <fmt/format.h>
+#include <sys/prctl.h>
 #include <unistd.h>
 #include <CLI/CLI.hpp>
 
 #include "base/file.hpp"
 #include "base/version.hpp"
+#include "ground/api/web_gateway.hpp"
 #include "ground/archive/archive_report.hpp"
 #include "ground/archive/recorder.hpp"
 #include "ground/archive_commands.hpp"
 #include "ground/console.hpp"
+#include "ground/dictionary_json.hpp"
 #include "ground/direct_link.hpp"
 #include "ground/files.hpp"
 #include "ground/fragments.hpp"
@@ -86,6 +90,9 @@ struct Arguments {
   bool fill = false;
   bool limits = false;
   bool names = false;
+  api::WebOptions web;
+  pid_t owner = 0;
+  CLI::Option* web_option = nullptr;  // of serve: whether it was given
   PackageArguments package;
   Exit exit = Exit::done;  // of the verb, which CLI11 runs when it has read all arguments
 };
@@ -603,18 +610,63 @@ std::unique_ptr<Recorder> open_recorder(const Operation& operation) {
   return recorder;
 }
 
+/// The program of the web gateway, as this one was called.
+std::vector<std::string> web_command(const Operation& operation) {
+  const Arguments& a = operation.arguments;
+  std::vector<std::string> command{"/proc/self/exe",
+                                   "--port",
+                                   a.port,
+                                   "--deployment",
+                                   a.deployment,
+                                   "--state",
+                                   operation.state_dir.string()};
+  for (const std::string& fragment : a.fragments) command.insert(command.end(), {"--fragment", fragment});
+  command.insert(command.end(), {"web", a.web.address, "--owner", std::to_string(::getpid())});
+  const auto add = [&command](const char* option, const std::filesystem::path& path) {
+    if (!path.empty()) command.insert(command.end(), {option, path.string()});
+  };
+  add("--web-certificate", a.web.certificate);
+  add("--web-key", a.web.key);
+  add("--web-root", a.web.root);
+  return command;
+}
+
 Exit serve(const Operation& operation) {
   const Arguments& a = operation.arguments;
+  if (const auto wrong = api::wrong_options(a.web)) return fail(a, *wrong);
   const auto link = link_of(a);
   auto server = Server::open(operation.state_dir);
   if (!server) return fail(a, server.error());
   auto line = open_line(operation, link, Port::closed(a.port), true);
   if (!line) return fail(a, line.error());
   const auto recorder = open_recorder(operation);
+  std::optional<api::WebKeeper> web;
+  if (a.web_option->count() > 0) web.emplace(web_command(operation), log_of_server);
   std::printf("serving %s at %s\n", a.port.c_str(), server->socket().c_str());
   std::fflush(stdout);
   server->run(
-      **line, [&] { return Port::open(a.port, link.baud); }, fop_settings(a), recorder.get());
+      **line, [&] { return Port::open(a.port, link.baud); }, fop_settings(a), recorder.get(),
+      [&web](MonotonicTime now) {
+        if (web) web->on_time(now);
+      });
+  return Exit::done;
+}
+
+/// Serves until a signal; with its server's end it ends, too.
+Exit web(const Operation& operation) {
+  const Arguments& a = operation.arguments;
+  if (a.owner != 0) {
+    static_cast<void>(::prctl(PR_SET_PDEATHSIG, SIGKILL));
+    if (::getppid() != a.owner) return Exit::done;  // it ended before
+  }
+  const auto done = api::run_web_gateway(operation.dictionary, operation.state_dir, a.web);
+  return done ? Exit::done : fail(a, done.error());
+}
+
+Exit dictionary(const Operation& operation) {
+  const std::string text =
+      to_json(operation.dictionary).dump(-1, ' ', true, nlohmann::json::error_handler_t::replace);
+  std::puts(text.c_str());
   return Exit::done;
 }
 
@@ -869,6 +921,7 @@ void define_lists_of_commands(CLI::App& app, Arguments& a) {
   CLI::App& list = add(app, a, "list", "Show the telecommands", verbs::list);
   list.add_flag("--names", a.names, "Names alone");
   list.add_option("name", a.name, "Only this one, or those whose names begin so");
+  add(app, a, "dictionary", "The whole mission dictionary, as one JSON object", verbs::dictionary);
   add(app, a, "session",
       "Read command lines from standard input, write everything that happens as JSON lines", verbs::session);
   CLI::App& script = add(app, a, "script",
@@ -914,6 +967,14 @@ void define_parameters(CLI::App& app, Arguments& a) {
   add_timeout(param, a);
 }
 
+void add_web(CLI::App& sub, Arguments& a) {
+  sub.add_option("--web-certificate", a.web.certificate, "PEM: HTTPS, needed where others reach it")
+      ->check(CLI::ExistingFile);
+  sub.add_option("--web-key", a.web.key, "PEM: the certificate's key")->check(CLI::ExistingFile);
+  sub.add_option("--web-root", a.web.root, "Folder of the page (default: that of the installation)")
+      ->check(CLI::ExistingDirectory);
+}
+
 void define_server(CLI::App& app, Arguments& a) {
   CLI::App& serve = add(app, a, "serve",
                         "Own the line, share it among all other srfs-ground commands, and record what "
@@ -924,6 +985,16 @@ void define_server(CLI::App& app, Arguments& a) {
                  "Retrieve missing packets from the packet stores on board, during contact");
   serve.add_option("--keep-days", a.keep_days, "At the start, remove what is older (default: keep all)")
       ->check(CLI::PositiveNumber);
+  a.web_option =
+      serve.add_option("--web", a.web.address, "Web page and HTTP API at [ADDRESS:]PORT; port 0: a free one")
+          ->expected(0, 1)
+          ->capture_default_str();
+  add_web(serve, a);
+  CLI::App& web =
+      add(app, a, "web", "Web page and HTTP API of the server that runs, until interrupted", verbs::web);
+  web.add_option("address", a.web.address, "[ADDRESS:]PORT; port 0: a free one")->capture_default_str();
+  web.add_option("--owner", a.owner)->group("");  // the server that started it
+  add_web(web, a);
 }
 
 /// A verb that shows rows of the archive.

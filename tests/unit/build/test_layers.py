@@ -20,7 +20,7 @@ MAY_USE = {
     "lib/suite": {"base", "wire", "ros", "update", "mission", "srfs_msgs", "msgs/mission"},
     "msgs/mission": {"base", "wire"},
     "hw_sim": {"base", "wire", "hw", "image", "suite", "update"},
-    "ground": {"base", "wire", "cfdp", "update", "suite", "mission", "msgs/mission"},
+    "ground": {"base", "wire", "cfdp", "image", "update", "suite", "mission", "msgs/mission"},
     "programs/detect": {"base", "image"},
     "programs/product": {"base", "image"},
     "programs/lane": {"base", "update"},

@@ -34,6 +34,7 @@ OF_CMAKE = {
     "fec": "libfec-dev",
     "seccomp": "libseccomp-dev",
     "SQLite3": "libsqlite3-dev",
+    "Boost": "libboost-dev",
 }
 # Needed, but not required by CMake: programs, header-only libraries, Python modules of the generators.
 OF_OTHERS = {
