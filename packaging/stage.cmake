@@ -30,3 +30,10 @@ put(${CPACK_SRFS_SOURCE}/CHANGELOG.md usr/share/doc/srfs/CHANGELOG.md)
 put(${source}/srfs usr/bin/srfs FILE_PERMISSIONS
   OWNER_READ OWNER_WRITE OWNER_EXECUTE GROUP_READ GROUP_EXECUTE WORLD_READ WORLD_EXECUTE)
 file(CREATE_LINK ../../opt/srfs/bin/srfs-ground ${root}/usr/bin/srfs-ground SYMBOLIC)
+foreach(page man/man1/srfs-ground.1 bash-completion/completions/srfs-ground)
+  if(EXISTS ${root}/opt/srfs/share/${page})  # not of a cross-build that cannot run the program
+    cmake_path(GET page PARENT_PATH folder)
+    file(MAKE_DIRECTORY ${root}/usr/share/${folder})
+    file(CREATE_LINK ../../../../opt/srfs/share/${page} ${root}/usr/share/${page} SYMBOLIC)
+  endif()
+endforeach()

@@ -50,6 +50,8 @@ class DebianPackageTest(unittest.TestCase):
             "etc/srfs/deployment.yaml",
             "usr/bin/srfs",
             "usr/bin/srfs-ground",
+            "usr/share/man/man1/srfs-ground.1",
+            "usr/share/bash-completion/completions/srfs-ground",
             "usr/lib/systemd/system/srfs.service",
             "usr/lib/systemd/user/srfs-ground.service",
             "usr/lib/udev/rules.d/70-srfs.rules",
