@@ -599,6 +599,8 @@ class Demo:
         rows += [["memory (PSS)", "-" if kib is None else f"{kib / 1024:.1f} MiB", node] for node, kib in m["pss_kib"].items()]
         for text in table(rows)[1:]:
             self.display.line(text)
+        self.display.line("")
+        self.display.line("Operate it yourself, in a browser: ./run sim --web")
 
 
 def parse(arguments=None):

@@ -1,15 +1,15 @@
 # SPDX-FileCopyrightText: 2026 SRFS contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Makes a picture of docs/pictures: python3 -m srfs.pictures flight|imaging|nodes. After ./run build; nodes needs none."""
+"""Makes a picture of docs/pictures: python3 -m srfs.pictures flight|imaging|nodes|page. After ./run build; nodes needs none."""
 
 import argparse
 import tempfile
 from pathlib import Path
 
 from srfs import ROOT, program
-from srfs.pictures import flight, imaging, nodes
+from srfs.pictures import flight, imaging, nodes, page
 
-PICTURES = {"flight": (flight, "svg"), "imaging": (imaging, "png"), "nodes": (nodes, "svg")}
+PICTURES = {"flight": (flight, "svg"), "imaging": (imaging, "png"), "nodes": (nodes, "svg"), "page": (page, "png")}
 
 
 def main():
