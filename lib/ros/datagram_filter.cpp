@@ -361,6 +361,13 @@ std::optional<GuidPrefix> DatagramFilter::foreign_sender(const RtpsDatagram& dat
   return found;
 }
 
+void DatagramFilter::unread(OctetView next, std::uint64_t count) {
+  dropped_foreign_ += count;
+  const auto who = RtpsDatagram(next).sender();
+  const std::lock_guard lock(mutex_);
+  if (who) last_dropped_ = who;
+}
+
 std::optional<GuidPrefix> DatagramFilter::last_dropped() const {
   const std::lock_guard lock(mutex_);
   return last_dropped_;

@@ -55,9 +55,10 @@ class RtpsDatagram {
   std::optional<GuidPrefix> sender_;
 };
 
-/// How long foreign traffic may hold the work thread at a stretch: while the socket was not found empty for
-/// `longest_behind`, what participants outside the suite send is dropped unread, and for `pause` afterwards.
-/// The suite's own datagrams wait in the same socket and are always read. Pure.
+/// Where the kernel cannot sort datagrams by their sender (SortedSockets): how long foreign traffic may hold
+/// the work thread at a stretch. While the socket was not found empty for `longest_behind`, what participants
+/// outside the suite send is dropped unread, and for `pause` afterwards. The suite's own datagrams wait in
+/// the same socket and are always read. Pure.
 class LoadShedder {
  public:
   static constexpr nanoseconds longest_behind = milliseconds(50);
@@ -166,6 +167,9 @@ class DatagramFilter {
   /// A participant to be forgotten, until it announces itself again: its sample was left unfinished, while
   /// there was no room for another one. Each is returned once.
   [[nodiscard]] std::optional<GuidPrefix> next_stalled();
+
+  /// So many datagrams of foreign participants found their socket full. @param next the one read after them
+  void unread(OctetView next, std::uint64_t count);
 
   /// Datagrams of foreign participants that were dropped, and the last one of them.
   [[nodiscard]] std::uint64_t dropped_foreign() const { return dropped_foreign_; }

@@ -90,6 +90,15 @@ bool KnownParticipants::is_foreign(const GuidPrefix& prefix) const {
                       [&](const Known& k) { return k.prefix == prefix && k.ours; });
 }
 
+std::vector<GuidPrefix> KnownParticipants::ours() const {
+  std::vector<GuidPrefix> ours;
+  const std::lock_guard lock(mutex_);
+  for (const Known& known : known_) {
+    if (known.ours) ours.push_back(known.prefix);
+  }
+  return ours;
+}
+
 std::vector<KnownParticipants::Member> KnownParticipants::members() const {
   std::vector<Member> members;
   const std::lock_guard lock(mutex_);

@@ -46,6 +46,8 @@ class KnownParticipants {
   void gone(const GuidPrefix& prefix);
 
   [[nodiscard]] bool is_foreign(const GuidPrefix& prefix) const;
+  /// All of the suite that are remembered, this process among them.
+  [[nodiscard]] std::vector<GuidPrefix> ours() const;
   /// A participant of another node of this suite that is here.
   struct Member {
     GuidPrefix prefix;

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <set>
+#include <typeinfo>
 
 #include <arpa/inet.h>
 #include <netinet/in.h>
@@ -113,22 +114,38 @@ dds::DomainParticipantQos participant_qos(const ParticipantOptions& options, int
   return qos;
 }
 
+double in_seconds(std::chrono::milliseconds time) {
+  return std::chrono::duration<double>(time).count();
+}
+
 // Histories grow from a few samples to their depth, never further: memory of idle endpoints stays small.
 template <class DdsQos>
 void set_common(DdsQos& qos, const Qos& ours) {
-  qos.reliability().kind = dds::RELIABLE_RELIABILITY_QOS;
+  qos.reliability().kind =
+      ours.best_effort ? dds::BEST_EFFORT_RELIABILITY_QOS : dds::RELIABLE_RELIABILITY_QOS;
+  if (ours.keep_all) qos.reliability().max_blocking_time = {0, 1'000'000};
   qos.durability().kind =
       ours.transient_local ? dds::TRANSIENT_LOCAL_DURABILITY_QOS : dds::VOLATILE_DURABILITY_QOS;
-  qos.history().kind = dds::KEEP_LAST_HISTORY_QOS;
+  qos.history().kind = ours.keep_all ? dds::KEEP_ALL_HISTORY_QOS : dds::KEEP_LAST_HISTORY_QOS;
   qos.history().depth = ours.depth;
-  if (ours.lifespan > milliseconds(0))
-    qos.lifespan().duration = duration(std::chrono::duration<double>(ours.lifespan).count());
+  if (ours.lifespan > milliseconds(0)) qos.lifespan().duration = duration(in_seconds(ours.lifespan));
+  if (ours.deadline > milliseconds(0)) qos.deadline().period = duration(in_seconds(ours.deadline));
+  if (ours.manual_liveliness) qos.liveliness().kind = dds::MANUAL_BY_TOPIC_LIVELINESS_QOS;
+  if (ours.liveliness_lease > milliseconds(0)) {
+    qos.liveliness().lease_duration = duration(in_seconds(ours.liveliness_lease));
+    qos.liveliness().announcement_period = duration(in_seconds(ours.liveliness_lease) / 3);
+  }
   qos.resource_limits().max_instances = 1;
   qos.resource_limits().max_samples_per_instance = ours.depth;
   qos.resource_limits().max_samples = ours.depth;
   qos.resource_limits().allocated_samples = 1;
   qos.endpoint().history_memory_policy = eprosima::fastrtps::rtps::PREALLOCATED_WITH_REALLOC_MEMORY_MODE;
   qos.data_sharing().off();
+}
+
+/// A topic has one C++ type in a process: what it is written from and read into.
+bool is_same_type(const dds::TopicDataType& one, const dds::TopicDataType& other) {
+  return typeid(one) == typeid(other);
 }
 
 std::string first_address(const eprosima::fastrtps::rtps::RemoteLocatorList& locators) {
@@ -171,10 +188,12 @@ Octets departure_message(const GuidPrefix& prefix) {
   return out.take();
 }
 
-/// Notes the participants that come and go. On discovery's thread.
+/// Notes the participants and endpoints that come and go. On discovery's thread.
 class Participant::Discovery : public dds::DomainParticipantListener {
  public:
-  explicit Discovery(KnownParticipants& known) : known_(known) {}
+  /// @param topics nullptr: endpoints are not noted
+  Discovery(KnownParticipants& known, TransportState& transport, TopicDirectory* topics)
+      : known_(known), transport_(transport), topics_(topics) {}
 
   void on_participant_discovery(dds::DomainParticipant*,
                                 eprosima::fastrtps::rtps::ParticipantDiscoveryInfo&& info) override {
@@ -186,11 +205,24 @@ class Participant::Discovery : public dds::DomainParticipantListener {
                         first_address(info.info.default_locators));
     } else if (info.status == Info::REMOVED_PARTICIPANT || info.status == Info::DROPPED_PARTICIPANT) {
       known_.gone(prefix);
+      if (topics_ != nullptr) topics_->remove_all_of(prefix);
     } else {
       return;
     }
+    transport_.tell_members_changed();
     const std::lock_guard lock(mutex_);
     if (changed_) changed_();
+  }
+
+  void on_publisher_discovery(dds::DomainParticipant*,
+                              eprosima::fastrtps::rtps::WriterDiscoveryInfo&& info) override {
+    using Info = eprosima::fastrtps::rtps::WriterDiscoveryInfo;
+    note_endpoint(info.info, true, info.status == Info::REMOVED_WRITER);
+  }
+  void on_subscriber_discovery(dds::DomainParticipant*,
+                               eprosima::fastrtps::rtps::ReaderDiscoveryInfo&& info) override {
+    using Info = eprosima::fastrtps::rtps::ReaderDiscoveryInfo;
+    note_endpoint(info.info, false, info.status == Info::REMOVED_READER);
   }
 
   /// When it returns, the callback before it is not being called.
@@ -200,7 +232,23 @@ class Participant::Discovery : public dds::DomainParticipantListener {
   }
 
  private:
+  template <class EndpointData>
+  void note_endpoint(const EndpointData& endpoint, bool is_publisher, bool is_gone) {
+    if (topics_ == nullptr) return;
+    const Gid gid = to_gid(endpoint.guid());
+    if (is_gone) {
+      topics_->remove(gid);
+      return;
+    }
+    Qos qos;
+    qos.best_effort = endpoint.m_qos.m_reliability.kind == dds::BEST_EFFORT_RELIABILITY_QOS;
+    qos.transient_local = endpoint.m_qos.m_durability.kind != dds::VOLATILE_DURABILITY_QOS;
+    topics_->add(gid, is_publisher, endpoint.topicName().to_string(), endpoint.typeName().to_string(), qos);
+  }
+
   KnownParticipants& known_;
+  TransportState& transport_;
+  TopicDirectory* topics_;
   std::mutex mutex_;
   std::function<void()> changed_;
 };
@@ -213,7 +261,8 @@ Participant::Participant(const ParticipantOptions& options)
       drop_foreign_(options.drop_foreign),
       filter_(std::make_shared<DatagramFilter>(
           [this](const GuidPrefix& prefix) { return known_.is_foreign(prefix); }, drop_foreign_)),
-      discovery_(std::make_unique<Discovery>(known_)) {}
+      discovery_(std::make_unique<Discovery>(known_, *transport_,
+                                             options.remember_topics ? &directory_ : nullptr)) {}
 
 Result<std::unique_ptr<Participant>, std::string> Participant::create(const ParticipantOptions& options) {
   if (options.domain < 0 || options.domain > 232)
@@ -223,6 +272,7 @@ Result<std::unique_ptr<Participant>, std::string> Participant::create(const Part
   auto* factory = dds::DomainParticipantFactory::get_instance();
   std::unique_ptr<Participant> self(new Participant(options));
   self->transport_->filter = self->filter_;
+  if (options.identity && options.bound_foreign) self->transport_->known = &self->known_;
   // Discovery is called outside the mask; everything else goes to the endpoints' own listeners.
   self->participant_ = factory->create_participant(static_cast<std::uint32_t>(options.domain),
                                                    participant_qos(options, self->number_, self->transport_),
@@ -242,6 +292,7 @@ Result<std::unique_ptr<Participant>, std::string> Participant::create(const Part
   GuidPrefix own{};  // no participant discovers itself, and a node may hear its own messages
   std::copy_n(guid.guidPrefix.value, own.size(), own.begin());
   self->known_.discovered(own, participant_user_data(options.identity), "/", "this process");
+  self->transport_->tell_members_changed();
   return self;
 }
 
@@ -309,10 +360,14 @@ void Participant::change_graph(const std::function<bool(ParticipantGraph&)>& cha
 }
 
 dds::Topic* Participant::topic(const std::string& name, dds::TypeSupport& type) {
-  if (auto* description = participant_->lookup_topicdescription(name))
-    return dynamic_cast<dds::Topic*>(description);
-  if (!participant_->find_type(type.get_type_name()).empty()) {
-    type = participant_->find_type(type.get_type_name());
+  const dds::TypeSupport known = participant_->find_type(type.get_type_name());
+  if (!known.empty() && !is_same_type(*known, *type)) return nullptr;
+  if (auto* description = participant_->lookup_topicdescription(name)) {
+    const bool is_of_type = description->get_type_name() == type.get_type_name();
+    return is_of_type ? dynamic_cast<dds::Topic*>(description) : nullptr;
+  }
+  if (!known.empty()) {
+    type = known;
   } else if (type.register_type(participant_) != ReturnCode_t::RETCODE_OK) {
     return nullptr;
   }

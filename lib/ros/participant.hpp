@@ -24,6 +24,7 @@
 #include "ros/graph.hpp"
 #include "ros/isolation.hpp"
 #include "ros/qos.hpp"
+#include "ros/topic_directory.hpp"
 #include "ros/transport.hpp"
 
 namespace srfs::ros {
@@ -43,6 +44,10 @@ struct ParticipantOptions {
   /// A participant not heard for so long is forgotten. Longer than any stop a process is to outlive: two that
   /// forgot each other at different times may not find each other again.
   std::chrono::milliseconds lease{2000};
+  bool remember_topics = false;  ///< of the domain (Participant::topics)
+  /// What foreign participants send waits in a socket of its own and is read slowly (transport.hpp). Not for
+  /// a recorder that is to hear them, too.
+  bool bound_foreign = true;
 };
 
 /// Whether a reader keeps the memory of a sample for the next one: what is small, or a picture.
@@ -92,6 +97,8 @@ class Participant {
   /// Whether an endpoint belongs to a process outside this suite.
   [[nodiscard]] bool is_foreign(const eprosima::fastrtps::rtps::GUID_t& guid) const;
   [[nodiscard]] bool drops_foreign() const { return drop_foreign_; }
+  /// What the others publish and subscribe to. Empty unless ParticipantOptions::remember_topics.
+  [[nodiscard]] const TopicDirectory& topics() const { return directory_; }
   /// Called on discovery's thread when a participant came or went; an empty function: no call.
   void on_peers_changed(std::function<void()> callback);
   /// Announces to the whole domain that a participant is gone, as it would have itself (the disposal of its
@@ -134,11 +141,13 @@ class Participant {
   void change_graph(const std::function<bool(ParticipantGraph&)>& change);
 
   KnownParticipants known_;
+  TopicDirectory directory_;
   const int number_;  // in this process
   const int domain_;
   const std::vector<std::string> interfaces_;
   const bool drop_foreign_;
   const std::shared_ptr<DatagramFilter> filter_;
+  const std::shared_ptr<TransportState> transport_ = std::make_shared<TransportState>();
   std::unique_ptr<Discovery> discovery_;  // outlives the DDS participant
   mutable std::mutex graph_mutex_;
   ParticipantGraph graph_;
@@ -147,7 +156,6 @@ class Participant {
   dds::DomainParticipant* participant_ = nullptr;
   dds::Publisher* publisher_ = nullptr;
   dds::Subscriber* subscriber_ = nullptr;
-  std::shared_ptr<TransportState> transport_ = std::make_shared<TransportState>();
 };
 
 }  // namespace srfs::ros

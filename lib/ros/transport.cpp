@@ -13,6 +13,7 @@
 #include <fastdds/rtps/transport/ChainingTransportDescriptor.h>
 #include <fastdds/rtps/transport/TransportReceiverInterface.h>
 #include <fastrtps/utils/IPLocator.h>
+#include <linux/filter.h>
 #include <netinet/in.h>
 #include <sys/epoll.h>
 #include <sys/socket.h>
@@ -39,16 +40,22 @@ bool is_user_unicast(const Locator_t& locator) {
   return !IPLocator::isMulticast(locator) && IPLocator::getPhysicalPort(locator) % 2 == 1;
 }
 
-Fd bind_socket(const in_addr& address, std::uint16_t port) {
+constexpr int foreign_buffer_octets = 1 << 20;
+constexpr int most_foreign_at_a_time = 8;
+constexpr std::uint64_t foreign_octets_at_a_time = 64U << 10;
+constexpr nanoseconds foreign_pause = milliseconds(10);
+
+/// @param shared further sockets may be bound to the port; if one is already, it must have been shared, too
+Fd bind_socket(const in_addr& address, std::uint16_t port, int buffer_octets, bool shared) {
   Fd fd(socket(AF_INET, SOCK_DGRAM | SOCK_NONBLOCK | SOCK_CLOEXEC, 0));
   if (!fd) return fd;
   const int on = 1;
+  if (shared && setsockopt(fd.get(), SOL_SOCKET, SO_REUSEPORT, &on, sizeof on) != 0) return {};
   setsockopt(fd.get(), SOL_SOCKET, SO_TIMESTAMPNS, &on, sizeof on);
   setsockopt(fd.get(), SOL_SOCKET, SO_RXQ_OVFL, &on, sizeof on);
   // Past net.core.rmem_max with the right to it, else up to that.
-  if (setsockopt(fd.get(), SOL_SOCKET, SO_RCVBUFFORCE, &receive_buffer_octets,
-                 sizeof receive_buffer_octets) != 0) {
-    setsockopt(fd.get(), SOL_SOCKET, SO_RCVBUF, &receive_buffer_octets, sizeof receive_buffer_octets);
+  if (setsockopt(fd.get(), SOL_SOCKET, SO_RCVBUFFORCE, &buffer_octets, sizeof buffer_octets) != 0) {
+    setsockopt(fd.get(), SOL_SOCKET, SO_RCVBUF, &buffer_octets, sizeof buffer_octets);
   }
   sockaddr_in me{};
   me.sin_family = AF_INET;
@@ -58,27 +65,73 @@ Fd bind_socket(const in_addr& address, std::uint16_t port) {
   return fd;
 }
 
-/// One port of the participant's user traffic, on one address.
+/// Whose datagrams a socket has.
+enum class Senders : std::uint8_t { all, ours, foreign };
+
+/// One socket of the participant's user traffic.
 class Channel {
  public:
-  Channel(Fd fd, const Locator_t& locator, rtps::TransportReceiverInterface& receiver, Executor& executor,
-          std::shared_ptr<TransportState> state, std::span<std::uint8_t> buffer)
+  Channel(Fd fd, Senders senders, const Locator_t& locator, rtps::TransportReceiverInterface& receiver,
+          Executor& executor, std::shared_ptr<TransportState> state, std::span<std::uint8_t> buffer)
       : fd_(std::move(fd)),
+        senders_(senders),
         locator_(locator),
         receiver_(receiver),
+        executor_(executor),
         state_(std::move(state)),
-        buffer_(buffer),
-        watch_(executor.add_fd(
-            fd_.get(), EPOLLIN, [this](std::uint32_t) { read(most_datagrams_a_turn); }, "DDS socket")) {}
+        buffer_(buffer) {
+    watch();
+  }
 
   [[nodiscard]] std::uint32_t port() const { return IPLocator::getPhysicalPort(locator_); }
+  /// Any thread, one at a time.
+  void sort(const std::vector<GuidPrefix>& ours) {
+    if (senders_ != Senders::ours || ours == sorted_) return;
+    if (sort_by_sender(fd_.get(), ours)) sorted_ = ours;
+  }
+
+  /// What is there already.
+  void read_waiting() {
+    if (senders_ == Senders::foreign) {
+      read_foreign();
+    } else {
+      read(most_datagrams_waiting);
+    }
+  }
+
+ private:
+  void watch() {
+    watch_ = executor_.add_fd(
+        fd_.get(), EPOLLIN,
+        [this](std::uint32_t) {
+          if (senders_ == Senders::foreign) {
+            read_foreign();
+          } else {
+            read(most_datagrams_a_turn);
+          }
+        },
+        "DDS socket");
+  }
 
   void read(int most) {
     for (int i = 0; i < most && read_some(); i += datagrams_a_call) {
     }
   }
 
- private:
+  /// Further ones wait for foreign_pause: meanwhile the socket wakes nobody, and the kernel drops what finds
+  /// it full.
+  void read_foreign() {
+    if (!watch_) return;
+    const std::uint64_t enough = octets_read_ + foreign_octets_at_a_time;
+    bool more = true;
+    for (int i = 0; i < most_foreign_at_a_time && more && octets_read_ < enough; i += datagrams_a_call)
+      more = read_some();
+    if (!more) return;
+    watch_.reset();
+    resume_ = executor_.add_timer(
+        monotonic_now() + foreign_pause, nanoseconds(0), [this] { watch(); }, "DDS socket");
+  }
+
   struct Incoming {
     sockaddr_in from{};
     iovec part{};
@@ -112,10 +165,12 @@ class Channel {
     const auto received = static_cast<std::size_t>(count);
     if (!busy_since_) busy_since_ = looked;
     for (std::size_t i = 0; i < received; ++i) {
-      note(messages[i].msg_hdr, looked - empty_at_);
+      const OctetView datagram(static_cast<const std::uint8_t*>(incoming[i].part.iov_base),
+                               messages[i].msg_len);
+      note(messages[i].msg_hdr, datagram, looked - empty_at_);
       state_->stats.last_datagram = looked;
-      if (passes({static_cast<const std::uint8_t*>(incoming[i].part.iov_base), messages[i].msg_len}, looked))
-        hand_over(incoming[i], messages[i].msg_len);
+      octets_read_ += messages[i].msg_len;
+      if (passes(datagram, looked)) hand_over(incoming[i], messages[i].msg_len);
     }
     if (count == datagrams_a_call) return true;
     empty_at_ = looked;
@@ -125,8 +180,8 @@ class Channel {
 
   bool passes(OctetView datagram, MonotonicTime now) {
     if (!state_->filter) return true;
-    return state_->filter->judge(datagram, shedder_.shed(now, now - busy_since_.value_or(now)), now) ==
-           DatagramFilter::Verdict::pass;
+    const bool sheds = senders_ == Senders::all && shedder_.shed(now, now - busy_since_.value_or(now));
+    return state_->filter->judge(datagram, sheds, now) == DatagramFilter::Verdict::pass;
   }
 
   void hand_over(const Incoming& incoming, std::uint32_t length) {
@@ -139,7 +194,7 @@ class Channel {
   }
 
   /// @param longest the datagram has not waited for longer
-  void note(msghdr& message, nanoseconds longest) {
+  void note(msghdr& message, OctetView datagram, nanoseconds longest) {
     const UtcTime now = system_utc_now();
     UtcTime arrived = now;
     for (cmsghdr* c = CMSG_FIRSTHDR(&message); c != nullptr; c = CMSG_NXTHDR(&message, c)) {
@@ -151,7 +206,7 @@ class Channel {
       } else if (c->cmsg_type == SO_RXQ_OVFL) {
         std::uint32_t dropped = 0;  // since the socket was made
         std::memcpy(&dropped, CMSG_DATA(c), sizeof dropped);
-        state_->stats.overflowed += dropped - dropped_;
+        if (dropped != dropped_) count_overflow(datagram, dropped - dropped_);
         dropped_ = dropped;
       }
     }
@@ -159,16 +214,29 @@ class Channel {
     state_->arrivals.add(now, arrived, longest);
   }
 
+  void count_overflow(OctetView next, std::uint32_t count) {
+    if (senders_ == Senders::foreign) {
+      state_->filter->unread(next, count);
+    } else {
+      state_->stats.overflowed += count;
+    }
+  }
+
   Fd fd_;
+  const Senders senders_;
   Locator_t locator_;
   rtps::TransportReceiverInterface& receiver_;
+  Executor& executor_;
   std::shared_ptr<TransportState> state_;
   std::span<std::uint8_t> buffer_;
   std::uint32_t dropped_ = 0;
+  std::uint64_t octets_read_ = 0;
   LoadShedder shedder_;
   std::optional<MonotonicTime> busy_since_;   ///< first read of those that left something in the socket
   MonotonicTime empty_at_ = monotonic_now();  ///< the socket was checked, and nothing was left in it
-  Executor::Handle watch_;
+  std::vector<GuidPrefix> sorted_;            ///< whose datagrams come here
+  Executor::Handle watch_;                    ///< nullptr: foreign datagrams wait for resume_
+  Timer resume_;
 };
 
 /// What discovery's socket hands its datagrams to: they wait here, the others in the socket. No reader
@@ -225,10 +293,12 @@ class WorkThreadTransport final : public rtps::ChainingTransport {
         descriptor_(descriptor),
         buffer_(std::make_unique_for_overwrite<std::uint8_t[]>(buffer_octets())) {
     descriptor_.state->receive_waiting = [this] {
-      for (const auto& channel : channels_) channel->read(most_datagrams_waiting);
+      for (const auto& channel : channels_) channel->read_waiting();
     };
+    descriptor_.state->on_members_changed([this] { sort_again(); });
   }
   ~WorkThreadTransport() override {
+    descriptor_.state->on_members_changed({});
     descriptor_.state->receive_waiting = [] {};
     descriptor_.state->discovery.open();
     low_level_transport_.reset();  // its threads use the held receivers
@@ -258,13 +328,14 @@ class WorkThreadTransport final : public rtps::ChainingTransport {
     for (const std::string& text : descriptor_.addresses.empty() ? any : descriptor_.addresses) {
       in_addr address{};
       if (inet_pton(AF_INET, text.c_str(), &address) != 1) return false;
-      Fd fd = bind_socket(address, static_cast<std::uint16_t>(IPLocator::getPhysicalPort(locator)));
-      if (!fd) return false;  // taken: Fast DDS tries the next port
-      made.push_back(std::make_unique<Channel>(std::move(fd), locator, *receiver, descriptor_.executor,
-                                               descriptor_.state, std::span(buffer_.get(), buffer_octets())));
+      if (!open_sockets(address, locator, *receiver, made))
+        return false;  // taken: Fast DDS tries the next port
     }
-    const std::lock_guard lock(mutex_);
-    for (auto& channel : made) channels_.push_back(std::move(channel));
+    {
+      const std::lock_guard lock(mutex_);
+      for (auto& channel : made) channels_.push_back(std::move(channel));
+    }
+    sort_again();
     return true;
   }
 
@@ -295,6 +366,35 @@ class WorkThreadTransport final : public rtps::ChainingTransport {
   void shutdown() override { low_level_transport_->shutdown(); }
 
  private:
+  /// @return false: the port is taken
+  bool open_sockets(const in_addr& address, const Locator_t& locator,
+                    rtps::TransportReceiverInterface& receiver, std::vector<std::unique_ptr<Channel>>& made) {
+    const auto port = static_cast<std::uint16_t>(IPLocator::getPhysicalPort(locator));
+    const auto add = [&](Fd fd, Senders senders) {
+      made.push_back(std::make_unique<Channel>(std::move(fd), senders, locator, receiver,
+                                               descriptor_.executor, descriptor_.state,
+                                               std::span(buffer_.get(), buffer_octets())));
+    };
+    if (descriptor_.state->known != nullptr) {
+      if (auto sorted = SortedSockets::bind(address.s_addr, port)) {
+        add(std::move(sorted->foreign), Senders::foreign);
+        add(std::move(sorted->ours), Senders::ours);
+        return true;
+      }
+    }
+    Fd fd = bind_socket(address, port, receive_buffer_octets, false);
+    if (!fd) return false;
+    add(std::move(fd), Senders::all);
+    return true;
+  }
+
+  void sort_again() {
+    if (descriptor_.state->known == nullptr) return;
+    std::vector<GuidPrefix> ours = descriptor_.state->known->ours();
+    const std::lock_guard lock(mutex_);
+    for (const auto& channel : channels_) channel->sort(ours);
+  }
+
   [[nodiscard]] std::size_t buffer_octets() const {
     return std::size_t{datagrams_a_call} * descriptor_.max_message_size();
   }
@@ -312,6 +412,53 @@ rtps::TransportInterface* Descriptor::create_transport() const {
 }
 
 }  // namespace
+
+void TransportState::tell_members_changed() {
+  const std::lock_guard lock(members_mutex_);
+  if (members_changed_) members_changed_();
+}
+
+void TransportState::on_members_changed(std::function<void()> callback) {
+  const std::lock_guard lock(members_mutex_);
+  members_changed_ = std::move(callback);
+}
+
+std::optional<SortedSockets> SortedSockets::bind(std::uint32_t address, std::uint16_t port) {
+  const in_addr where{address};
+  SortedSockets sockets;
+  // The first one is not shared: so two processes never have one port.
+  sockets.foreign = bind_socket(where, port, foreign_buffer_octets, false);
+  const int on = 1;
+  if (!sockets.foreign || setsockopt(sockets.foreign.get(), SOL_SOCKET, SO_REUSEPORT, &on, sizeof on) != 0)
+    return std::nullopt;
+  sockets.ours = bind_socket(where, port, receive_buffer_octets, true);
+  if (!sockets.ours || !sort_by_sender(sockets.ours.get(), {})) return std::nullopt;
+  return sockets;
+}
+
+bool sort_by_sender(int socket, std::span<const GuidPrefix> ours) {
+  // The program returns a number in the order in which the sockets were bound. A datagram that is too short
+  // for its GUID prefix (octets 8 to 19 of the RTPS header) ends it with 0.
+  constexpr std::uint32_t to_foreign = 0;
+  constexpr std::uint32_t to_ours = 1;
+  std::vector<sock_filter> program;
+  for (const GuidPrefix& prefix : ours) {
+    const auto word = [&](std::size_t i) {
+      return std::uint32_t{prefix[i]} << 24 | std::uint32_t{prefix[i + 1]} << 16 |
+             std::uint32_t{prefix[i + 2]} << 8 | prefix[i + 3];
+    };
+    std::uint8_t to_the_next = 5;
+    for (const std::size_t i : {4U, 8U, 0U}) {  // the octets that differ first
+      program.push_back(BPF_STMT(BPF_LD | BPF_W | BPF_ABS, static_cast<std::uint32_t>(8 + i)));
+      program.push_back(BPF_JUMP(BPF_JMP | BPF_JEQ | BPF_K, word(i), 0, to_the_next));
+      to_the_next = static_cast<std::uint8_t>(to_the_next - 2);
+    }
+    program.push_back(BPF_STMT(BPF_RET | BPF_K, to_ours));
+  }
+  program.push_back(BPF_STMT(BPF_RET | BPF_K, to_foreign));
+  const sock_fprog filter{static_cast<unsigned short>(program.size()), program.data()};
+  return setsockopt(socket, SOL_SOCKET, SO_ATTACH_REUSEPORT_CBPF, &filter, sizeof filter) == 0;
+}
 
 void DiscoveryHold::open() {
   {
