@@ -21,7 +21,64 @@ std::pair<CallbackKind, std::string_view> callback_name(std::string_view dds_top
   return {CallbackKind::subscription, dds_topic.starts_with("rt/") ? name : dds_topic};
 }
 
+std::string policy_name(std::uint32_t policy) {
+  switch (policy) {
+    case dds::DURABILITY_QOS_POLICY_ID:
+      return "durability";
+    case dds::DEADLINE_QOS_POLICY_ID:
+      return "deadline";
+    case dds::LIVELINESS_QOS_POLICY_ID:
+      return "liveliness";
+    case dds::RELIABILITY_QOS_POLICY_ID:
+      return "reliability";
+    default:
+      return "policy " + std::to_string(policy);
+  }
+}
+
 }  // namespace
+
+QosEvents QosEventCounter::events() const {
+  const std::lock_guard lock(mutex_);
+  return events_;
+}
+
+void QosEventCounter::on_event(std::function<void()> callback) {
+  const std::lock_guard lock(mutex_);
+  callback_ = std::move(callback);
+}
+
+void QosEventCounter::change(const std::function<void(QosEvents&)>& change) {
+  std::function<void()> callback;
+  {
+    const std::lock_guard lock(mutex_);
+    change(events_);
+    callback = callback_;
+  }
+  if (callback) callback();
+}
+
+void QosEventCounter::deadline_missed(std::int32_t count) {
+  change([&](QosEvents& e) { e.deadlines_missed += static_cast<std::uint32_t>(count); });
+}
+
+void QosEventCounter::liveliness_lost(std::int32_t count) {
+  change([&](QosEvents& e) { e.liveliness_lost += static_cast<std::uint32_t>(count); });
+}
+
+void QosEventCounter::liveliness_changed(std::int32_t alive, std::int32_t lost) {
+  change([&](QosEvents& e) {
+    e.alive = alive;
+    e.liveliness_lost += static_cast<std::uint32_t>(std::max(lost, 0));
+  });
+}
+
+void QosEventCounter::incompatible(std::uint32_t policy, std::uint32_t count) {
+  change([&](QosEvents& e) {
+    e.incompatible += count;
+    e.incompatible_policy = policy_name(policy);
+  });
+}
 
 WriterEndpoint::WriterEndpoint(Participant& participant, const std::string& dds_topic, dds::TypeSupport type,
                                const Qos& qos)
@@ -77,6 +134,20 @@ void WriterEndpoint::on_publication_matched(dds::DataWriter*, const dds::Publica
     callback = match_change_;
   }
   if (callback) callback();
+}
+
+void WriterEndpoint::on_offered_deadline_missed(dds::DataWriter*,
+                                                const dds::OfferedDeadlineMissedStatus& status) {
+  qos_events_.deadline_missed(status.total_count_change);
+}
+
+void WriterEndpoint::on_offered_incompatible_qos(dds::DataWriter*,
+                                                 const dds::OfferedIncompatibleQosStatus& status) {
+  qos_events_.incompatible(status.last_policy_id, status.total_count_change);
+}
+
+void WriterEndpoint::on_liveliness_lost(dds::DataWriter*, const dds::LivelinessLostStatus& status) {
+  qos_events_.liveliness_lost(status.total_count_change);
 }
 
 ReaderEndpoint::~ReaderEndpoint() {
@@ -144,6 +215,21 @@ void ReaderEndpoint::on_subscription_matched(dds::DataReader* dds_reader,
     callback = match_change_;
   }
   if (callback) callback();
+}
+
+void ReaderEndpoint::on_requested_deadline_missed(
+    dds::DataReader*, const eprosima::fastrtps::RequestedDeadlineMissedStatus& status) {
+  qos_events_.deadline_missed(status.total_count_change);
+}
+
+void ReaderEndpoint::on_requested_incompatible_qos(dds::DataReader*,
+                                                   const dds::RequestedIncompatibleQosStatus& status) {
+  qos_events_.incompatible(status.last_policy_id, status.total_count_change);
+}
+
+void ReaderEndpoint::on_liveliness_changed(dds::DataReader*,
+                                           const eprosima::fastrtps::LivelinessChangedStatus& status) {
+  qos_events_.liveliness_changed(status.alive_count, status.not_alive_count_change);
 }
 
 std::optional<ReaderEndpoint::Gap> ReaderEndpoint::count_gap(const SampleIdentity& identity) {

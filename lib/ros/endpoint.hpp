@@ -48,6 +48,25 @@ struct MessageInfo {
   SampleIdentity related;
 };
 
+/// QosEvents as they are reported on the middleware's threads.
+class QosEventCounter {
+ public:
+  [[nodiscard]] QosEvents events() const;
+  /// Called on a middleware thread after each event; an empty function: no call.
+  void on_event(std::function<void()> callback);
+
+  void deadline_missed(std::int32_t count);
+  void liveliness_lost(std::int32_t count);
+  void liveliness_changed(std::int32_t alive, std::int32_t lost);
+  void incompatible(std::uint32_t policy, std::uint32_t count);
+
+ private:
+  void change(const std::function<void(QosEvents&)>& change);
+  mutable std::mutex mutex_;
+  QosEvents events_;
+  std::function<void()> callback_;
+};
+
 /// A DDS writer with the set of readers matched now.
 class WriterEndpoint : public dds::DataWriterListener {
  public:
@@ -67,8 +86,14 @@ class WriterEndpoint : public dds::DataWriterListener {
   void on_match_change(std::function<void()> callback);
   [[nodiscard]] std::uint64_t refused() const { return refused_; }
   [[nodiscard]] GUID_t guid() const { return writer_->guid(); }
+  [[nodiscard]] QosEventCounter& qos_events() { return qos_events_; }
+  [[nodiscard]] const QosEventCounter& qos_events() const { return qos_events_; }
 
   void on_publication_matched(dds::DataWriter*, const dds::PublicationMatchedStatus& status) override;
+  void on_offered_deadline_missed(dds::DataWriter*, const dds::OfferedDeadlineMissedStatus& status) override;
+  void on_offered_incompatible_qos(dds::DataWriter*,
+                                   const dds::OfferedIncompatibleQosStatus& status) override;
+  void on_liveliness_lost(dds::DataWriter*, const dds::LivelinessLostStatus& status) override;
 
  private:
   Participant& participant_;
@@ -77,6 +102,7 @@ class WriterEndpoint : public dds::DataWriterListener {
   std::set<GUID_t> readers_;
   std::function<void()> match_change_;
   std::atomic<std::uint64_t> refused_{0};
+  QosEventCounter qos_events_;
 };
 
 /// A DDS reader whose samples are taken on the work thread. Reception only marks the source as ready; the
@@ -107,9 +133,17 @@ class ReaderEndpoint : public Source,
   void guard() { guarded_ = true; }
   /// The foreign participant that was heard last, for people; empty: none so far.
   [[nodiscard]] std::string last_foreign() const;
+  [[nodiscard]] QosEventCounter& qos_events() { return qos_events_; }
+  [[nodiscard]] const QosEventCounter& qos_events() const { return qos_events_; }
 
   void on_data_available(dds::DataReader*) override;
   void on_subscription_matched(dds::DataReader*, const dds::SubscriptionMatchedStatus& status) override;
+  void on_requested_deadline_missed(dds::DataReader*,
+                                    const eprosima::fastrtps::RequestedDeadlineMissedStatus& status) override;
+  void on_requested_incompatible_qos(dds::DataReader*,
+                                     const dds::RequestedIncompatibleQosStatus& status) override;
+  void on_liveliness_changed(dds::DataReader*,
+                             const eprosima::fastrtps::LivelinessChangedStatus& status) override;
 
  protected:
   /// @param largest_octets samples that claim to be larger are dropped and counted as malformed
@@ -140,6 +174,7 @@ class ReaderEndpoint : public Source,
   mutable std::mutex mutex_;
   std::set<GUID_t> writers_;
   std::function<void()> match_change_;
+  QosEventCounter qos_events_;
   struct WriterPosition {
     GUID_t writer;
     std::int64_t sequence;

@@ -467,6 +467,12 @@ void LifecycleNode::check_input(Input& input, const ReaderEndpoint& reader) {
               input.topic, source, participant_.drops_foreign() ? "dropped" : "accepted");
     on_foreign_samples(input.topic, stats.foreign, source);
   }
+  const QosEvents qos = reader.qos_events().events();
+  if (qos.incompatible > input.incompatible_reported) {
+    input.incompatible_reported = qos.incompatible;
+    log::warn("{} publishers on {} so far are not heard, because they offer less than is asked for, last: {}",
+              qos.incompatible, input.topic, qos.incompatible_policy);
+  }
 }
 
 void LifecycleNode::check_dropped() {

@@ -244,6 +244,7 @@ class LifecycleNode {
     std::weak_ptr<const ReaderEndpoint> reader;
     std::uint64_t reported = 0;
     std::uint64_t foreign_reported = 0;
+    std::uint64_t incompatible_reported = 0;
   };
   template <class M>
   [[nodiscard]] Topic<M> resolved(Topic<M> topic) const {

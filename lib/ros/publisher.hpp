@@ -36,6 +36,9 @@ class Publisher {
   [[nodiscard]] std::size_t subscription_count() const { return writer_.matched_count(); }
   /// Publications refused so far.
   [[nodiscard]] std::uint64_t refused() const { return writer_.refused(); }
+  [[nodiscard]] QosEvents qos_events() const { return writer_.qos_events().events(); }
+  /// Called after each event, on a middleware thread: post from there to the work thread.
+  void on_qos_event(std::function<void()> callback) { writer_.qos_events().on_event(std::move(callback)); }
   [[nodiscard]] const std::string& topic_name() const { return name_; }
   [[nodiscard]] GUID_t guid() const { return writer_.guid(); }
 
@@ -70,6 +73,9 @@ class Subscription {
     }
   }
   [[nodiscard]] InputStats stats() const { return reader_->stats(); }
+  [[nodiscard]] QosEvents qos_events() const { return reader_->qos_events().events(); }
+  /// Called after each event, on a middleware thread: post from there to the work thread.
+  void on_qos_event(std::function<void()> callback) { reader_->qos_events().on_event(std::move(callback)); }
   [[nodiscard]] std::weak_ptr<const ReaderEndpoint> reader() const { return reader_; }
   /// The writers matched now.
   [[nodiscard]] std::set<GUID_t> publishers() const { return reader_->matched_writers(); }

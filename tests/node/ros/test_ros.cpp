@@ -17,6 +17,7 @@
 #include <srfs_msgs/srv/check_alive.hpp>
 
 #include "base/file.hpp"
+#include "ros/serialized.hpp"
 #include "suite/node.hpp"
 #include "tests/dds_domain.hpp"
 #include "tests/temporary_folder.hpp"
@@ -119,6 +120,154 @@ struct ForeignFlags {
     v.sequence(s.junk, 0, 0);
   }
 };
+
+TEST_F(RosTest, ABestEffortSensorIsHeardByABestEffortReaderAlone) {
+  const Topic<TaskFlags> sensor{"/test/sensor", {.depth = 8, .best_effort = true}};
+  const Topic<TaskFlags> reliable{"/test/sensor", {.depth = 8}};
+  std::vector<std::uint64_t> got;
+  Publisher<TaskFlags> publisher(*there_, sensor);
+  Subscription<TaskFlags> best_effort(
+      executor_, *here_, sensor, [&](const TaskFlags& m, const MessageInfo&) { got.push_back(m.cycle); });
+  Subscription<TaskFlags> strict(executor_, *here_, reliable,
+                                 [](const TaskFlags&, const MessageInfo&) { FAIL() << "heard"; });
+  ASSERT_TRUE(wait([&] {
+    return publisher.subscription_count() == 1 && best_effort.publisher_count() == 1 &&
+           strict.qos_events().incompatible == 1 && publisher.qos_events().incompatible == 1;
+  }));
+  EXPECT_EQ(strict.qos_events().incompatible_policy, "reliability");
+  EXPECT_EQ(publisher.qos_events().incompatible_policy, "reliability");
+  for (std::uint64_t n = 1; got.empty() || n <= 20; ++n) {
+    TaskFlags m;
+    m.cycle = n;
+    EXPECT_TRUE(publisher.publish(m));
+    (void)executor_.spin_until([] { return false; }, monotonic_now() + milliseconds(5));
+    ASSERT_LT(n, 2000U);
+  }
+  EXPECT_EQ(strict.publisher_count(), 0U);
+}
+
+TEST_F(RosTest, AReliablePublisherIsHeardByABestEffortReader) {
+  std::uint64_t got = 0;
+  Publisher<TaskFlags> publisher(*there_, {"/test/reliable", {}});
+  Subscription<TaskFlags> subscription(executor_, *here_, {"/test/reliable", {.best_effort = true}},
+                                       [&](const TaskFlags&, const MessageInfo&) { ++got; });
+  ASSERT_TRUE(
+      wait([&] { return publisher.subscription_count() == 1 && subscription.publisher_count() == 1; }));
+  ASSERT_TRUE(wait([&] { return publisher.publish({}) && got > 0; }));
+}
+
+TEST_F(RosTest, KeepAllRefusesTheNextSampleInsteadOfDroppingOne) {
+  const Topic<TaskFlags> topic{"/test/keep_all", {.depth = 5, .keep_all = true}};
+  std::vector<std::uint64_t> got;
+  Publisher<TaskFlags> publisher(*there_, topic);
+  Subscription<TaskFlags> subscription(
+      executor_, *here_, topic, [&](const TaskFlags& m, const MessageInfo&) { got.push_back(m.cycle); });
+  ASSERT_TRUE(
+      wait([&] { return publisher.subscription_count() == 1 && subscription.publisher_count() == 1; }));
+  std::uint64_t accepted = 0;
+  while (true) {
+    TaskFlags m;
+    m.cycle = accepted + 1;
+    if (!publisher.publish(m)) break;
+    ++accepted;
+    ASSERT_LE(accepted, 1000U) << "the reader takes nothing meanwhile";
+  }
+  EXPECT_GE(accepted, 5U);
+  EXPECT_GT(publisher.refused(), 0U);
+  EXPECT_TRUE(wait([&] { return got.size() == accepted; }));
+  for (std::size_t i = 0; i < got.size(); ++i) EXPECT_EQ(got[i], i + 1);
+  EXPECT_EQ(subscription.stats().lost, 0U);
+  EXPECT_TRUE(wait([&] { return publisher.publish({}); })) << "when they are acknowledged";
+}
+
+TEST_F(RosTest, ADeadlineThatIsMissedIsCountedAtBothEnds) {
+  const Topic<TaskFlags> topic{"/test/deadline", {.deadline = milliseconds(50)}};
+  Publisher<TaskFlags> publisher(*there_, topic);
+  Publisher<TaskFlags> without(*there_, {"/test/deadline", {}});
+  Subscription<TaskFlags> subscription(executor_, *here_, topic, [](const TaskFlags&, const MessageInfo&) {});
+  std::atomic<int> events = 0;
+  subscription.on_qos_event([&] { ++events; });
+  ASSERT_TRUE(
+      wait([&] { return publisher.subscription_count() == 1 && subscription.publisher_count() == 1; }));
+  ASSERT_TRUE(wait([&] { return without.qos_events().incompatible == 1; }));
+  EXPECT_EQ(without.qos_events().incompatible_policy, "deadline");
+  EXPECT_TRUE(publisher.publish({}));
+  EXPECT_TRUE(wait([&] {
+    return publisher.qos_events().deadlines_missed > 1 && subscription.qos_events().deadlines_missed > 1;
+  }));
+  EXPECT_GT(events, 1);
+  subscription.on_qos_event({});
+}
+
+TEST_F(RosTest, AWriterThatProvesItsLivelinessByPublishingIsNotAliveWhenItStops) {
+  const Topic<TaskFlags> topic{"/test/liveliness",
+                               {.liveliness_lease = milliseconds(100), .manual_liveliness = true}};
+  Publisher<TaskFlags> publisher(*there_, topic);
+  Subscription<TaskFlags> subscription(executor_, *here_, topic, [](const TaskFlags&, const MessageInfo&) {});
+  ASSERT_TRUE(
+      wait([&] { return publisher.subscription_count() == 1 && subscription.publisher_count() == 1; }));
+  EXPECT_TRUE(wait([&] { return publisher.publish({}) && subscription.qos_events().alive == 1; }));
+  EXPECT_TRUE(wait([&] {
+    return subscription.qos_events().liveliness_lost > 0 && publisher.qos_events().liveliness_lost > 0;
+  }));
+  EXPECT_TRUE(wait([&] { return publisher.publish({}) && subscription.qos_events().alive == 1; }));
+}
+
+TEST_F(RosTest, TheTopicsOfTheDomainAreKnownWithTypeAndQosUntilTheirEndsGo) {
+  ParticipantOptions options{testing_support::own_domain(), {"127.0.0.1"}, &executor_};
+  options.remember_topics = true;
+  const auto observer = Participant::create(options).value();
+  const auto find = [&]() -> std::optional<TopicEnds> {
+    for (const TopicEnds& ends : observer->topics().topics()) {
+      if (ends.topic == "rt/test/known") return ends;
+    }
+    return std::nullopt;
+  };
+  {
+    const Publisher<TaskFlags> publisher(*here_,
+                                         {"/test/known", {.transient_local = true, .best_effort = true}});
+    const Subscription<TaskFlags> subscription(executor_, *there_, {"/test/known", {}},
+                                               [](const TaskFlags&, const MessageInfo&) {});
+    ASSERT_TRUE(wait([&] { return find() && find()->publishers == 1 && find()->subscriptions == 1; }));
+    EXPECT_EQ(ros_type_name(find()->type), "srfs_msgs/msg/TaskFlags");
+    EXPECT_TRUE(find()->best_effort);
+    EXPECT_TRUE(find()->transient_local);
+  }
+  EXPECT_TRUE(wait([&] { return !find(); }));
+  EXPECT_TRUE(here_->topics().topics().empty()) << "it was not asked to";
+}
+
+TEST_F(RosTest, AMessageOfATypeThatIsKnownByNameOnlyGoesThroughAsOctets) {
+  const std::string type = "srfs_msgs/msg/TaskFlags";
+  TaskFlags sent;
+  sent.cycle = 7;
+  Octets octets(encoded_size(sent));
+  encode_into(sent, reinterpret_cast<char*>(octets.data()), octets.size());
+  std::vector<Octets> heard;
+  std::vector<std::uint64_t> got;
+  SerializedPublisher publisher(*there_, "/test/octets", type, {});
+  Subscription<TaskFlags> typed(executor_, *here_, {"/test/octets", {}},
+                                [&](const TaskFlags& m, const MessageInfo&) { got.push_back(m.cycle); });
+  ASSERT_TRUE(wait([&] { return publisher.subscription_count() == 1 && typed.publisher_count() == 1; }));
+  EXPECT_TRUE(publisher.publish(octets));
+  EXPECT_TRUE(wait([&] { return got.size() == 1; }));
+  EXPECT_EQ(got.at(0), 7U);
+
+  Publisher<TaskFlags> typed_publisher(*here_, {"/test/back", {}});
+  SerializedSubscription subscription(
+      executor_, *there_, "/test/back", type, {}, Priority::normal,
+      [&](OctetView o, const MessageInfo&) { heard.emplace_back(o.begin(), o.end()); });
+  ASSERT_TRUE(
+      wait([&] { return typed_publisher.subscription_count() == 1 && subscription.publisher_count() == 1; }));
+  EXPECT_TRUE(typed_publisher.publish(sent));
+  EXPECT_TRUE(wait([&] { return heard.size() == 1; }));
+  EXPECT_EQ(heard.at(0), octets);
+  EXPECT_THROW(SerializedPublisher(*here_, "/test/octets", type, {}), std::runtime_error)
+      << "here the topic is one of a C++ type";
+  EXPECT_THROW(SerializedPublisher(*there_, "/test/octets", "std_msgs/msg/String", {}), std::runtime_error)
+      << "the topic has another type";
+  EXPECT_THROW(SerializedPublisher(*there_, "/test/x", "String", {}), std::runtime_error);
+}
 
 TEST_F(RosTest, AMalformedSampleIsCountedDroppedAndTheNextGoodOneArrives) {
   std::vector<std::uint64_t> got;
