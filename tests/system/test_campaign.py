@@ -46,6 +46,13 @@ class OverloadCampaignTest(CampaignTest):
         self.assertGreater(summary["telecommands"]["executed"], 0)
 
 
+class StrangersCampaignTest(CampaignTest):
+    def test_a_flood_from_outside_the_suite_restarts_no_node(self):
+        summary, _ = self.run_campaign("strangers", "--seconds", "1", "--settle", "0")
+        self.assertEqual(summary["restarts"], 0)
+        self.assertTrue(all(count > 0 for count in summary["sent"].values()), summary["sent"])
+
+
 class FencingCampaignTest(CampaignTest):
     def test_two_hundred_slots_with_stopped_and_killed_processes(self):
         summary, out = self.run_campaign("fencing", "--slots", "200")

@@ -7,7 +7,7 @@ import random
 import shutil
 
 from srfs import program
-from srfs.campaign import faults, fencing, overload, updates
+from srfs.campaign import faults, fencing, overload, strangers, updates
 from srfs.flight import deployments, mission
 from srfs.flight.deployments import NODES
 from srfs.flight.processes import StopSignals
@@ -18,12 +18,13 @@ from srfs.report import show_checks
 def parse():
     parser = argparse.ArgumentParser(prog="./run campaign", description="Long runs of the real processes under faults. "
                                      "Exit code 0 only if every invariant held.")  # fmt: skip
-    parser.add_argument("name", nargs="?", default="faults", choices=("faults", "fencing", "updates", "overload", "commandability"),
+    parser.add_argument("name", nargs="?", default="faults", choices=("faults", "fencing", "updates", "overload", "commandability", "strangers"),
                         help="faults (default): every class of failure in every node, healed by the ring; "
                         "fencing: processes are stopped and killed at random points of their CAN slots; "
                         "updates: packages of sources in a row, a third of them bad, with processes killed; "
                         "overload: beside programs that take the CPUs: who waits for one is not dead, who is dead is found; "
-                        "commandability: every telecommand, parameter and lifecycle order: the satellite can still be commanded")  # fmt: skip
+                        "commandability: every telecommand, parameter and lifecycle order: the satellite can still be commanded; "
+                        "strangers: participants outside the suite flood its topics")  # fmt: skip
     parser.add_argument("--seed", type=int, metavar="S", help="of the faults (default: a random one, which is printed)")
     program.add_run_options(parser, "campaign", "sim for faults, fencing for fencing")
     ring = parser.add_argument_group("faults")
@@ -39,7 +40,7 @@ def parse():
                       help="period of the ticks, a divisor of 1000 (default: the deployment's, 100): the 86400 of a day of a board are a soak of 2160 s at 25 ms")  # fmt: skip
     ring.add_argument("--misses", type=int, default=3, metavar="N", help="unanswered checks in a row that are death, 1 to 10 (default: %(default)s)")
     ring.add_argument("--realtime", action="store_true",
-                      help="SCHED_FIFO for every node and the simulated devices, which a mission has on a board (needs CAP_SYS_NICE)")  # fmt: skip
+                      help="also of strangers: SCHED_FIFO for every node and the simulated devices, which a mission has on a board (needs CAP_SYS_NICE)")  # fmt: skip
     slots = parser.add_argument_group("fencing")
     slots.add_argument("--slots", type=int, default=10_000, metavar="N", help="grants of the bus (default: %(default)s)")
     packages = parser.add_argument_group("updates")
@@ -52,6 +53,10 @@ def parse():
     busy.add_argument("--heavy-demos", type=int, default=0, metavar="N", help="the same beside a heavier load (default: %(default)s)")
     orders = parser.add_argument_group("commandability")
     orders.add_argument("--only", metavar="TEXT[,TEXT]", help="only orders whose kind or text has one of these in it")
+    outside = parser.add_argument_group("strangers")
+    outside.add_argument("--seconds", type=float, default=60, metavar="S", help="of the calm and of the flood (default: %(default)s)")
+    outside.add_argument("--settle", type=float, default=strangers.SETTLE_S, metavar="S", help="afterwards, until memory is read (default: %(default)s)")
+    outside.add_argument("--roles", default=",".join(strangers.ROLES), metavar="R[,R]", help="what they send (default: %(default)s)")
     options = parser.parse_args()
     known = {c.name: c for c in faults.CLASSES}
     wanted = {None: list(known), "all": list(known), "none": []}.get(options.classes, (options.classes or "").split(","))
@@ -194,6 +199,21 @@ def run_commandability(options, out, seed, signals, say):
     return trials.judge(), lambda: None
 
 
+def run_strangers(options, out, seed, signals, say):
+    shutil.rmtree(options.var or out / "var", ignore_errors=True)
+    deployment = options.deployment or "sim"
+    if options.realtime:
+        deployment = faults.realtime_deployment(deployments.find(deployment), out / "deployment.yaml")
+    with mission.Mission(options.var or out / "var", deployment, options.bin, say) as flight:
+        if options.realtime:
+            faults.make_realtime(flight.hw_sim.pid)
+        campaign = strangers.Strangers(flight, signals, options.bin.absolute(), say)
+        campaign.run(options.seconds, options.settle, options.roles.split(","))
+        summary = campaign.judge()
+    campaign.write(out, summary)
+    return summary, lambda: None
+
+
 def show_commandability(summary):
     for kind, count in summary["kinds"].items():
         print(f"  {count:5} {kind}")
@@ -206,7 +226,7 @@ def show_commandability(summary):
 
 
 RUNS = {"faults": (run_faults, faults.show), "fencing": (run_fencing, show_fencing), "updates": (run_updates, updates.show), "overload": (run_overload, faults.show),
-        "commandability": (run_commandability, show_commandability)}  # fmt: skip
+        "commandability": (run_commandability, show_commandability), "strangers": (run_strangers, strangers.show)}  # fmt: skip
 
 
 def main():

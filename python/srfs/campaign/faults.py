@@ -167,9 +167,21 @@ class Wrappers:
             if tick_ms and node["name"] == "timing":
                 node["parameters"]["tick_period_ms"] = tick_ms
             if realtime:
-                # Niceness and background apply to normal threads only; the deployment refuses them together with fifo.
-                node["scheduling"] = {"policy": "fifo", "priority": NODE_PRIORITY, "cpus": node["scheduling"]["cpus"]}
+                make_node_realtime(node)
         return deployments.write(deployment, changed)
+
+
+def make_node_realtime(node):
+    """In a deployment. Niceness and background apply to normal threads only; the deployment refuses them together with fifo."""
+    node["scheduling"] = {"policy": "fifo", "priority": NODE_PRIORITY, "cpus": node["scheduling"]["cpus"]}
+
+
+def realtime_deployment(base, changed):
+    """Copies a deployment so that its nodes have SCHED_FIFO."""
+    deployment = deployments.read(base)
+    for node in deployment["nodes"]:
+        make_node_realtime(node)
+    return deployments.write(deployment, changed)
 
 
 @dataclasses.dataclass
