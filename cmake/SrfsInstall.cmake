@@ -110,6 +110,7 @@ function(srfs_install_package)
   install(DIRECTORY ${generated_messages}/ ${generated_structures}/ DESTINATION ${SRFS_INSTALL_HEADERS} ${headers})
 
   install(DIRECTORY programs/srfs/templates DESTINATION ${CMAKE_INSTALL_DATADIR}/srfs)
+  install(DIRECTORY msgs/srfs_msgs msgs/interfaces/ DESTINATION ${CMAKE_INSTALL_DATADIR}/srfs/interfaces FILES_MATCHING PATTERN "*.msg")
 
   srfs_write_node_build(${PROJECT_BINARY_DIR}/installed_node_build.json INCLUDE ${SRFS_INSTALL_HEADERS}
     READABLE ${SRFS_INSTALL_HEADERS} ${CMAKE_INSTALL_LIBDIR} ${CMAKE_INSTALL_DATADIR}/srfs LIBRARIES ${CMAKE_INSTALL_LIBDIR})

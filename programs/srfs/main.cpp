@@ -13,6 +13,7 @@
 #include "base/log.hpp"
 #include "programs/srfs/added_node_commands.hpp"
 #include "programs/srfs/doctor.hpp"
+#include "programs/srfs/mcap_commands.hpp"
 #include "programs/srfs/new_commands.hpp"
 #include "programs/srfs/node_commands.hpp"
 #include "programs/srfs/observer.hpp"
@@ -226,13 +227,15 @@ void add_down_and_restart(CLI::App& app, SuiteArguments& a, CommandLine& line) {
      [&](const Target& target) { return run_restart(target, a.up, a.only_if_up, line.json); });
 }
 
-/// Of `srfs lifecycle`, `stats` and `record`.
+/// Of `srfs lifecycle`, `stats`, `record` and `play`.
 struct ObserverArguments {
   std::string node;
   std::string transition;
   int transition_ms = 2000;
   bool reset = false;
   int duration_s = 0;
+  McapRecording recording;
+  McapPlay play;
 };
 
 void add_status_and_lifecycle(CLI::App& app, ObserverArguments& a, CommandLine& line) {
@@ -266,7 +269,40 @@ void add_record(CLI::App& app, ObserverArguments& a, CommandLine& line) {
   command->add_option("--duration", a.duration_s, "Seconds; 0: until Ctrl-C")
       ->check(CLI::Range(0, 86400))
       ->capture_default_str();
-  on(command, line, [&](const Target& target) { return record(target, seconds(a.duration_s)); });
+  CLI::Option* file =
+      command->add_option("--mcap", a.recording.file,
+                          "Record all topics, of other programs too, into this new MCAP file instead");
+  command->add_option("--topic", a.recording.topics, "Record only these topics: /timing/tick")->needs(file);
+  command->add_option("--domain", a.recording.domain, "DDS domain; default: that of the running suite")
+      ->check(CLI::Range(0, 232))
+      ->needs(file);
+  command->add_option("--most-mib", a.recording.most_mib, "Size at which the recording ends, MiB")
+      ->check(CLI::Range(1, 1 << 20))
+      ->capture_default_str()
+      ->needs(file);
+  command->add_option("--largest-mib", a.recording.largest_mib, "Larger samples are dropped and counted, MiB")
+      ->check(CLI::Range(1, 16))
+      ->capture_default_str()
+      ->needs(file);
+  on(command, line, [&](const Target& target) {
+    if (a.recording.file.empty()) return record(target, seconds(a.duration_s));
+    a.recording.duration = seconds(a.duration_s);
+    return record_mcap(target, a.recording);
+  });
+}
+
+void add_play(CLI::App& app, ObserverArguments& a, CommandLine& line) {
+  CLI::App* command =
+      app.add_subcommand("play", "Publish what an MCAP file holds, at the intervals of its recording");
+  command->add_option("file", a.play.file, "MCAP file")->required()->check(CLI::ExistingFile);
+  command->add_option("--domain", a.play.domain, "DDS domain, not that of the running suite")
+      ->required()
+      ->check(CLI::Range(0, 232));
+  command->add_option("--rate", a.play.rate, "Times as fast")
+      ->check(CLI::Range(0.01, 1000.0))
+      ->capture_default_str();
+  command->add_option("--topic", a.play.topics, "Publish only these topics");
+  on(command, line, [&](const Target& target) { return play_mcap(target, a.play); });
 }
 
 /// Of `srfs param`.
@@ -506,6 +542,7 @@ int run(int argc, char** argv) {
   add_new(app, new_order, line);
   add_doctor(app, line);
   add_record(app, observer, line);
+  add_play(app, observer, line);
   try {
     app.parse(argc, argv);
     return line.exit_code;

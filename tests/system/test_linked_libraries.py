@@ -18,13 +18,14 @@ EVERY = {"libc", "libgcc_s", "libm", "libstdc++", "ld-linux-x86-64", "ld-linux-a
 MIDDLEWARE = {"libfastrtps", "libfastcdr"}
 UPDATE = {"libseccomp", "libz"}  # lib/update: the sandbox, packages
 DEVICES = {"libgpiod"}
+RECORDINGS = {"libzstd"}  # lib/mcap
 
 MAY_LOAD = {
     **{node: EVERY | MIDDLEWARE | UPDATE | DEVICES for node in (
         "timing", "can_switcher", "payload_adcs", "payload_eps", "payload_thermal", "payload_idle", "ttc", "image_acquisition", "maintenance")},
     "image_processing": EVERY | MIDDLEWARE | UPDATE | DEVICES | {"libpng16", "libaec"},  # thumbnails, strips
     "srfs-lane": EVERY | UPDATE,
-    "srfs": EVERY | MIDDLEWARE | UPDATE | DEVICES,
+    "srfs": EVERY | MIDDLEWARE | UPDATE | DEVICES | RECORDINGS,
 }  # fmt: skip
 # Decoders of photographs, and what cfitsio brings: for programs on the ground.
 GROUND_ONLY = {"libtiff", "libjpeg", "libcfitsio", "libcurl-gnutls"}

@@ -15,6 +15,7 @@ MAY_USE = {
     "lib/cfdp": {"base", "wire"},
     "lib/image": {"base"},
     "lib/hw": {"base", "image"},
+    "lib/mcap": {"base"},
     "lib/update": {"base", "mission"},
     "lib/ros": {"base"},
     "lib/suite": {"base", "wire", "ros", "update", "mission", "srfs_msgs", "msgs/mission"},
@@ -24,7 +25,7 @@ MAY_USE = {
     "programs/detect": {"base", "image"},
     "programs/product": {"base", "image"},
     "programs/lane": {"base", "update"},
-    "programs/srfs": {"base", "hw", "ros", "suite", "update", "msgs/mission", "srfs_msgs"},
+    "programs/srfs": {"base", "hw", "mcap", "ros", "suite", "update", "msgs/mission", "srfs_msgs"},
 }
 OF_NODES = {"base", "wire", "cfdp", "hw", "image", "ros", "suite", "update", "mission", "msgs/mission", "srfs_msgs"}
 LIBRARY_OF_PAYLOADS = "nodes/payload"

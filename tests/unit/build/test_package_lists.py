@@ -35,6 +35,7 @@ OF_CMAKE = {
     "seccomp": "libseccomp-dev",
     "SQLite3": "libsqlite3-dev",
     "Boost": "libboost-dev",
+    "zstd": "libzstd-dev",
 }
 # Needed, but not required by CMake: programs, header-only libraries, Python modules of the generators.
 OF_OTHERS = {
