@@ -19,6 +19,7 @@
 #include "programs/srfs/observer.hpp"
 #include "programs/srfs/ring_commands.hpp"
 #include "programs/srfs/suite.hpp"
+#include "programs/srfs/topic_commands.hpp"
 #include "programs/srfs/version_commands.hpp"
 #include "suite/added_nodes.hpp"
 #include "suite/launcher.hpp"
@@ -227,13 +228,14 @@ void add_down_and_restart(CLI::App& app, SuiteArguments& a, CommandLine& line) {
      [&](const Target& target) { return run_restart(target, a.up, a.only_if_up, line.json); });
 }
 
-/// Of `srfs lifecycle`, `stats`, `record` and `play`.
+/// Of `srfs lifecycle`, `stats`, `topics`, `record` and `play`.
 struct ObserverArguments {
   std::string node;
   std::string transition;
   int transition_ms = 2000;
   bool reset = false;
   int duration_s = 0;
+  int wait_ms = 1500;
   McapRecording recording;
   McapPlay play;
 };
@@ -288,6 +290,18 @@ void add_record(CLI::App& app, ObserverArguments& a, CommandLine& line) {
     if (a.recording.file.empty()) return record(target, seconds(a.duration_s));
     a.recording.duration = seconds(a.duration_s);
     return record_mcap(target, a.recording);
+  });
+}
+
+void add_topics(CLI::App& app, ObserverArguments& a, CommandLine& line) {
+  CLI::App* command = app.add_subcommand("topics", "Show the topics of the domain, also of other programs");
+  command->add_option("--domain", a.recording.domain, "DDS domain; default: that of the running suite")
+      ->check(CLI::Range(0, 232));
+  command->add_option("--wait", a.wait_ms, "Milliseconds to listen")
+      ->check(CLI::Range(1, 60000))
+      ->capture_default_str();
+  on(command, line, [&](const Target& target) {
+    return show_topics(target, a.recording.domain, milliseconds(a.wait_ms), line.json);
   });
 }
 
@@ -541,6 +555,7 @@ int run(int argc, char** argv) {
   add_node_commands(app, nodes, line);
   add_new(app, new_order, line);
   add_doctor(app, line);
+  add_topics(app, observer, line);
   add_record(app, observer, line);
   add_play(app, observer, line);
   try {
