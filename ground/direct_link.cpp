@@ -38,16 +38,21 @@ Result<void, std::string> DirectLink::write_line(OctetView octets) {
   return queues_ ? port_.queue(octets, monotonic_now()) : port_.write(octets, write_patience);
 }
 
+Uplink& DirectLink::uplink_now() {
+  uplink_.on_time(system_utc_now());
+  return uplink_;
+}
+
 Result<wire::RequestId, std::string> DirectLink::send(const TelecommandOrder& order) {
   if (order.ad) {
-    auto made = uplink_.make_packet(order.command);
+    auto made = uplink_now().make_packet(order.command);
     if (!made) return Err(made.error());
     if (made_) made_(order, made->request, false);
     if (!ad_.request(order.number, std::move(made->packet), monotonic_now()))
       return Err(std::string("too many telecommands are waiting for the AD service"));
     return made->request;
   }
-  const auto telecommand = uplink_.make(order.command, order.keys);
+  const auto telecommand = uplink_now().make(order.command, order.keys);
   if (!telecommand) return Err(telecommand.error());
   if (made_) made_(order, telecommand->request, false);
   if (const auto written = write_line(telecommand->cltu); !written) return Err(written.error());
@@ -55,7 +60,7 @@ Result<wire::RequestId, std::string> DirectLink::send(const TelecommandOrder& or
 }
 
 Result<TelecommandPacket, std::string> DirectLink::make_packet(const TelecommandOrder& order) {
-  auto made = uplink_.make_packet(order.command);
+  auto made = uplink_now().make_packet(order.command);
   if (made && made_) made_(order, made->request, true);
   return made;
 }
@@ -112,8 +117,8 @@ void DirectLink::handle_ad() {
 
 void DirectLink::transmit_ad(const AdSignal& signal) {
   Result<Octets, std::string> cltu = signal.kind == AdSignal::Kind::transmit_bc
-                                         ? uplink_.make_bc_cltu(signal.control)
-                                         : uplink_.make_ad_cltu(signal.sequence, signal.packet);
+                                         ? uplink_now().make_bc_cltu(signal.control)
+                                         : uplink_now().make_ad_cltu(signal.sequence, signal.packet);
   bool written = false;
   if (!cltu) {
     report_problem(cltu.error());
@@ -228,7 +233,7 @@ bool DirectLink::send_pdu(OctetView pdu) {
                                                    .sequence_count = file_sequence_count_},
                                                   pdu);
   file_sequence_count_ = static_cast<std::uint16_t>((file_sequence_count_ + 1) & 0x3FFF);
-  const auto cltu = uplink_.make_file_cltu(packet);
+  const auto cltu = uplink_now().make_file_cltu(packet);
   const auto written = cltu ? write_line(*cltu) : Result<void, std::string>(Err(cltu.error()));
   const MonotonicTime now = monotonic_now();
   // The PDU is lost, as on the line; not at once the next one too.

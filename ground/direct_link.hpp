@@ -66,6 +66,8 @@ class DirectLink final : public StationLink {
 
  private:
   [[nodiscard]] Result<void, std::string> write_line(OctetView octets);
+  /// For the next frame, whose counter carries the present time.
+  [[nodiscard]] Uplink& uplink_now();
   void handle_ad();
   void transmit_ad(const AdSignal& signal);
   void on_packet(const ReceivedPacket& received);

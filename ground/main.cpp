@@ -70,6 +70,8 @@ struct Arguments {
   unsigned window = wire::FopSettings{}.window;
   double t1_s = std::chrono::duration<double>(wire::FopSettings{}.timer).count();
   unsigned transmissions = wire::FopSettings{}.transmission_limit;
+  unsigned station = 0;
+  std::string counters_from;
   unsigned vr = 0;
   std::string file;
   bool keep_going = false;
@@ -197,9 +199,14 @@ Result<std::unique_ptr<DirectLink>, std::string> open_line(const Operation& oper
                                                            const suite::LinkSettings& link, Port port,
                                                            bool files) {
   const Arguments& a = operation.arguments;
-  auto uplink =
-      Uplink::open(link, operation.var_dir, operation.state_dir, system_utc_now(), key_set_of(a.keys));
+  auto uplink = Uplink::open(link, operation.var_dir, operation.state_dir, system_utc_now(),
+                             key_set_of(a.keys), static_cast<std::uint8_t>(a.station));
   if (!uplink) return Err(uplink.error());
+  if (!a.counters_from.empty()) {
+    const auto from = from_iso8601(a.counters_from);
+    if (!from) return Err(std::string("--counters-from needs a time such as 2026-11-21T08:00:00Z"));
+    uplink->on_time(*from);
+  }
   if (const std::string warning = uplink->warning(); !warning.empty()) warn(a, warning);
   auto line = std::make_unique<DirectLink>(operation.dictionary, link, std::move(port), std::move(*uplink),
                                            fop_settings(a));
@@ -844,6 +851,15 @@ void define_run(CLI::App& app, Arguments& a) {
   app.add_option("--state", a.state, "Folder of the security counter (default: ground beside the port)");
   app.add_option("--keys", a.keys, "Keys of this run: a, b or contingency (default: those last selected)")
       ->check(CLI::IsMember({"a", "b", "contingency"}));
+  app.add_option("--station", a.station,
+                 "Number of this ground station, 0 to 255: stations that command at the same time need "
+                 "different ones (strict link)")
+      ->envname("SRFS_STATION")
+      ->check(CLI::Range(0, 255))
+      ->capture_default_str();
+  app.add_option("--counters-from", a.counters_from,
+                 "Security counters go on from this UTC time: for a spacecraft whose clock is ahead, which "
+                 "takes telecommands for too old (strict link)");
   app.add_option("--fragment", a.fragments,
                  "Dictionary fragment of an added node; may be repeated (also used: STATE/fragments/*.yaml "
                  "and those of the VAR beside the port)")

@@ -3,6 +3,9 @@
 #include "ground/uplink.hpp"
 
 #include <algorithm>
+#include <cerrno>
+
+#include <sys/random.h>
 
 #include <fmt/format.h>
 #include <nlohmann/json.hpp>
@@ -67,9 +70,16 @@ std::map<std::uint16_t, std::uint64_t> numbers_of(const nlohmann::json& json, st
 
 }  // namespace
 
-Result<UplinkState, std::string> UplinkState::open(const std::filesystem::path& file, UtcTime now) {
+void UplinkState::on_time(UtcTime now) {
+  const auto counted = static_cast<std::uint64_t>(std::max<std::int64_t>(now.ns() / 1'000'000, 0));
+  clock_floor_ = std::max(clock_floor_, counted);
+}
+
+Result<UplinkState, std::string> UplinkState::open(const std::filesystem::path& file, UtcTime now,
+                                                   bool one_order) {
   UplinkState state(file);
-  state.clock_floor_ = static_cast<std::uint64_t>(std::max<std::int64_t>(now.ns() / 1'000'000, 0));
+  state.one_order_ = one_order;
+  state.on_time(now);
   state.first_counter_ = state.clock_floor_;
   std::error_code error;
   if (!std::filesystem::exists(file, error)) return state;
@@ -104,7 +114,12 @@ Result<UplinkState, std::string> UplinkState::open(const std::filesystem::path& 
 UplinkState::Counter& UplinkState::counter(std::uint16_t spi) {
   const Counter begun{
       .next = first_counter_, .saved = first_counter_, .known = first_counter_, .first = first_counter_};
-  return counters_.try_emplace(spi, begun).first->second;
+  Counter& found = counters_.try_emplace(spi, begun).first->second;
+  found.next = std::max(found.next, clock_floor_);
+  for (const auto& [other, counter] : counters_) {
+    if (one_order_) found.next = std::max(found.next, counter.next);
+  }
+  return found;
 }
 
 bool UplinkState::is_foreign(std::uint16_t spi, std::uint64_t value) const {
@@ -112,6 +127,11 @@ bool UplinkState::is_foreign(std::uint16_t spi, std::uint64_t value) const {
   if (found == counters_.end()) return value >= first_counter_;
   const Counter& c = found->second;
   return value >= c.next || (value >= c.known && value < c.first);
+}
+
+bool UplinkState::is_believable(std::uint16_t spi, std::uint64_t value) const {
+  const std::uint64_t from = std::max(next_counter(spi), clock_floor_);
+  return value <= from || value - from <= static_cast<std::uint64_t>(believable_ahead.count());
 }
 
 std::uint64_t UplinkState::next_counter(std::uint16_t spi) const {
@@ -198,17 +218,21 @@ Result<void, std::string> UplinkState::set_key_set(suite::AssociationSet set) {
 Result<Uplink, std::string> Uplink::open(const suite::LinkSettings& link,
                                          const std::filesystem::path& var_dir,
                                          const std::filesystem::path& state_dir, UtcTime now,
-                                         std::optional<suite::AssociationSet> forced) {
+                                         std::optional<suite::AssociationSet> forced, std::uint8_t station) {
   if (link.channels.empty())
     return Err(std::string("the deployment has no telecommand channel (link.tc_channels)"));
   const auto secured = std::find_if(link.channels.begin(), link.channels.end(),
                                     [](const auto& c) { return c.security == suite::ChannelSecurity::sdls; });
   const auto& chosen = secured == link.channels.end() ? link.channels.front() : *secured;
-  auto state = UplinkState::open(state_dir / "uplink.json", now);
+  auto state = UplinkState::open(state_dir / "uplink.json", now, link.tc_strict);
   if (!state) return Err(state.error());
+  std::uint32_t drawn = 0;
+  if (getrandom(&drawn, sizeof drawn, 0) != sizeof drawn)
+    return Err(fmt::format("no random number for the initialisation vectors: {}", errno_text(errno)));
   Uplink uplink({static_cast<std::uint16_t>(link.spacecraft_id),
-                 static_cast<std::uint8_t>(chosen.virtual_channel), link.tc_randomizer},
+                 static_cast<std::uint8_t>(chosen.virtual_channel), link.tc_randomizer, link.tc_strict},
                 std::move(*state));
+  if (link.tc_strict) uplink.sender_ = static_cast<std::uint32_t>(station) << 24 | (drawn & 0xFFFFFF);
   uplink.secured_ = secured != link.channels.end();
   uplink.forced_ = forced.has_value();
   uplink.set_ = forced.value_or(uplink.state_.key_set());
@@ -282,7 +306,7 @@ Result<OutgoingTelecommand, std::string> Uplink::make(const mission::EncodedComm
   if (used != nullptr) {
     const auto reserved = state_.reserve(command.command->apid, used->spi);
     if (!reserved) return Err(reserved.error());
-    seal.emplace(wire::SdlsSeal{used->key, used->spi, reserved->counter});
+    seal.emplace(seal_of(*used, reserved->counter));
     sequence_count = reserved->sequence_count;
   } else {
     const auto count = state_.reserve_sequence_count(command.command->apid);
@@ -315,7 +339,7 @@ Result<Octets, std::string> Uplink::make_ad_cltu(std::uint8_t sequence, OctetVie
   if (used != nullptr) {
     const auto counter = state_.reserve_counter(used->spi);
     if (!counter) return Err(counter.error());
-    seal.emplace(wire::SdlsSeal{used->key, used->spi, *counter});
+    seal.emplace(seal_of(*used, *counter));
   }
   auto cltu =
       wire::make_uplink_cltu(channel_, wire::TcFrameType::ad, sequence, seal ? &*seal : nullptr, packet);
@@ -333,19 +357,33 @@ Result<Octets, std::string> Uplink::make_file_cltu(OctetView packet) {
   if (used != nullptr) {
     const auto counter = state_.reserve_counter_ahead(used->spi);
     if (!counter) return Err(counter.error());
-    seal.emplace(wire::SdlsSeal{used->key, used->spi, *counter});
+    seal.emplace(seal_of(*used, *counter));
   }
   auto cltu = wire::make_uplink_cltu(channel_, wire::TcFrameType::bd, 0, seal ? &*seal : nullptr, packet);
   if (!cltu) return Err(std::string(wire::to_string(cltu.error())));
   return std::move(*cltu);
 }
 
-Octets Uplink::make_bc_cltu(wire::ControlCommand command) const {
-  return wire::make_control_cltu(channel_, command);
+Result<Octets, std::string> Uplink::make_bc_cltu(wire::ControlCommand command) {
+  const Association* const used = association(wire::TcFrameType::bc, set_);
+  if (used == nullptr || !channel_.whole_header) return wire::make_control_cltu(channel_, command);
+  const auto counter = state_.reserve_counter(used->spi);
+  if (!counter) return Err(counter.error());
+  auto cltu = wire::make_secured_control_cltu(channel_, command, seal_of(*used, *counter));
+  if (!cltu) return Err(std::string(wire::to_string(cltu.error())));
+  return std::move(*cltu);
 }
 
 std::optional<std::string> Uplink::on_spacecraft_counter(std::uint16_t spi, std::uint64_t counter) {
   if (!set_of(spi)) return std::nullopt;
+  if (!state_.is_believable(spi, counter)) {
+    if (!unbelievable_told_.insert(spi).second) return std::nullopt;
+    return fmt::format(
+        "a beacon has security counter {} of association {}, more than 30 days ahead of this clock: not "
+        "followed, beacons are not authentic. If the spacecraft does refuse telecommands as replayed, give "
+        "--counters-from",
+        counter, spi);
+  }
   const bool foreign = state_.is_foreign(spi, counter) && foreign_told_.insert(spi).second;
   // Not on disk is no loss yet: the next telecommand writes it, and the beacon says it again.
   (void)state_.raise(spi, counter);

@@ -33,7 +33,12 @@ class UplinkState {
   /// Every counter begins with the milliseconds of @p now, or where the file says when that is higher: higher
   /// than any that was used before the file was lost, or replaced by an older copy, and the spacecraft
   /// accepts any higher one. A damaged file is an error: guessing would hide it.
-  static Result<UplinkState, std::string> open(const std::filesystem::path& file, UtcTime now);
+  /// @param one_order  a counter is higher than every one before it, whatever its association
+  static Result<UplinkState, std::string> open(const std::filesystem::path& file, UtcTime now,
+                                               bool one_order = false);
+
+  /// No counter from now on is below the milliseconds of @p now.
+  void on_time(UtcTime now);
 
   /// The next counter of an association. It is on disk when this returns, so none is used twice. Blocks on
   /// the disk.
@@ -41,7 +46,7 @@ class UplinkState {
   /// The same for one of many: only each counters_ahead-th call writes. What a crash leaves unused is
   /// skipped.
   [[nodiscard]] Result<std::uint64_t, std::string> reserve_counter_ahead(std::uint16_t spi);
-  static constexpr std::uint64_t counters_ahead = 256;
+  static constexpr std::uint64_t counters_ahead = 4096;  ///< 4 s at least
   [[nodiscard]] Result<std::uint16_t, std::string> reserve_sequence_count(std::uint16_t apid);
   struct Reserved {
     std::uint16_t sequence_count = 0;
@@ -55,6 +60,10 @@ class UplinkState {
   /// @p counter was used by another state than this one: the file is an older copy, or there is another
   /// ground. Before raise().
   [[nodiscard]] bool is_foreign(std::uint16_t spi, std::uint64_t counter) const;
+  /// A counter further ahead of clock and file than this is not the spacecraft's: a beacon is not authentic,
+  /// and one that is forged must not use the counters up.
+  static constexpr milliseconds believable_ahead{std::chrono::hours(24 * 30)};
+  [[nodiscard]] bool is_believable(std::uint16_t spi, std::uint64_t counter) const;
   /// By how much the file's counters are ahead of the clock; nullopt: not by more than a minute.
   [[nodiscard]] std::optional<seconds> ahead_of_clock() const { return ahead_of_clock_; }
   [[nodiscard]] const std::filesystem::path& file() const { return file_; }
@@ -77,7 +86,8 @@ class UplinkState {
   [[nodiscard]] Counter& counter(std::uint16_t spi);
 
   std::filesystem::path file_;
-  std::uint64_t clock_floor_ = 0;    ///< milliseconds of the time at which it was opened
+  std::uint64_t clock_floor_ = 0;  ///< milliseconds of the newest time
+  bool one_order_ = false;
   std::uint64_t first_counter_ = 0;  ///< of an association that is not in the file
   std::optional<seconds> ahead_of_clock_;
   std::map<std::uint16_t, Counter> counters_;
@@ -98,7 +108,9 @@ struct TelecommandPacket {
 };
 
 /// Telecommands to octets for the line: PUS packet, SDLS, BD or AD frame, CLTU. All errors are ready to
-/// print.
+/// print. On a strict link (link.tc.sdls) the counters of all associations are one order, and the high 32
+/// bits of the IV are the station's number (8 bits) and a number drawn at random by open() (24 bits): two
+/// stations never share an IV, and two runs of one, with a copied or restored state, practically never.
 class Uplink {
  public:
   /// Takes the first secured TC channel of the link, or the first if none is. Of two associations of a set
@@ -111,7 +123,11 @@ class Uplink {
   static Result<Uplink, std::string> open(const suite::LinkSettings& link,
                                           const std::filesystem::path& var_dir,
                                           const std::filesystem::path& state_dir, UtcTime now,
-                                          std::optional<suite::AssociationSet> forced = std::nullopt);
+                                          std::optional<suite::AssociationSet> forced = std::nullopt,
+                                          std::uint8_t station = 0);
+
+  /// To be called before what is made goes to the line: counters carry this time, or are above it.
+  void on_time(UtcTime now) { state_.on_time(now); }
 
   /// Blocks on the disk. All verification reports are asked for.
   /// @param set  of the keys; nullopt: those in use
@@ -125,10 +141,12 @@ class Uplink {
   /// A packet of files as BD frame: what gets lost CFDP repeats. Blocks on the disk now and then.
   [[nodiscard]] Result<Octets, std::string> make_file_cltu(OctetView packet);
   [[nodiscard]] std::size_t packet_octets_max() const;
-  [[nodiscard]] Octets make_bc_cltu(wire::ControlCommand command) const;
+  /// A control command; secured on a strict link. Blocks on the disk then.
+  [[nodiscard]] Result<Octets, std::string> make_bc_cltu(wire::ControlCommand command);
   [[nodiscard]] std::uint8_t vc() const { return channel_.vc; }
   /// What the spacecraft says about an association; an SPI whose key is not here is ignored.
-  /// @return what the operator should know, once for each association: another sender used its counters
+  /// @return what the operator should know, once for each association: another sender used its counters, or
+  /// it cannot be true
   std::optional<std::string> on_spacecraft_counter(std::uint16_t spi, std::uint64_t counter);
   /// What the operator should know of the counters at the start; empty: all is well.
   [[nodiscard]] std::string warning() const;
@@ -158,6 +176,11 @@ class Uplink {
   [[nodiscard]] const Association* association(wire::TcFrameType type, suite::AssociationSet set) const;
   std::vector<Association> associations_;  ///< those whose key is here
   std::set<std::uint16_t> foreign_told_;
+  std::set<std::uint16_t> unbelievable_told_;
+  [[nodiscard]] wire::SdlsSeal seal_of(const Association& used, std::uint64_t counter) const {
+    return {.key = used.key, .spi = used.spi, .counter = counter, .sender = sender_};
+  }
+  std::uint32_t sender_ = 0;  ///< of the IV; 0 unless the link is strict
   bool secured_ = false;
   bool forced_ = false;
   suite::AssociationSet set_ = suite::AssociationSet::a;

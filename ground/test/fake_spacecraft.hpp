@@ -56,20 +56,33 @@ class FakeSpacecraft {
         --lose_ad_frames;
         continue;
       }
+      const wire::SdlsHeader header =
+          link_.tc_strict
+              ? wire::SdlsHeader(wire::encode_tc_header(decoded->type, decoded->spacecraft_id, decoded->vc,
+                                                        decoded->sequence, decoded->data.size()))
+              : wire::SdlsHeader(decoded->vc);
       if (decoded->type == wire::TcFrameType::bc) {
-        farm = wire::farm_receive(farm, *decoded, true).state;
+        wire::TcFrame command = *decoded;
+        if (link_.tc_strict) {
+          auto opened = wire::sdls_open(key_, 1, header, decoded->data);
+          if (!opened || !wire::is_fresh(std::max(last_counter, last_ad_counter), opened->counter)) continue;
+          last_counter = opened->counter;
+          command.data = std::move(opened->packet);
+        }
+        farm = wire::farm_receive(farm, command, true).state;
         continue;
       }
       const bool second = wire::sdls_claimed_spi(decoded->data) == 2;  // the association for AD frames
       if (second && decoded->type != wire::TcFrameType::ad) continue;
       auto& counter = second ? last_ad_counter : last_counter;
-      const auto opened =
-          wire::sdls_open(second ? ad_key_ : key_, second ? 2 : 1, decoded->vc, decoded->data);
-      if (!opened || !wire::is_fresh(counter, opened->counter)) continue;
+      const auto opened = wire::sdls_open(second ? ad_key_ : key_, second ? 2 : 1, header, decoded->data);
+      const auto last = link_.tc_strict ? std::max(last_counter, last_ad_counter) : counter;
+      if (!opened || !wire::is_fresh(last, opened->counter)) continue;
       const auto outcome = wire::farm_receive(farm, *decoded, true);
       farm = outcome.state;
       if (outcome.verdict == wire::FarmVerdict::discard) continue;
       counter = opened->counter;
+      last_sender = opened->sender;
       if (const auto pdu = cfdp::pdu_in_packet(opened->packet)) {
         pdus.emplace_back(pdu->begin(), pdu->end());
       } else if (auto packet = wire::parse_tc_packet(opened->packet)) {
@@ -112,6 +125,7 @@ class FakeSpacecraft {
   std::vector<Octets> pdus;
   std::optional<std::uint64_t> last_counter;
   std::optional<std::uint64_t> last_ad_counter;
+  std::uint32_t last_sender = 0;
   wire::FarmState farm;
   int lose_ad_frames = 0;  ///< number of AD frames to lose on the uplink
   bool reports = true;     ///< send the reports that telecommands order

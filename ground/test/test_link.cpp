@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <cstdlib>
 #include <fstream>
+#include <set>
 
 #include <fcntl.h>
 #include <gmock/gmock.h>
@@ -155,6 +156,65 @@ suite::LinkSettings link_with_sets() {
   link.channels.push_back(
       {link.channels[0].virtual_channel, Security::sdls, 5, "keys/c.key", Set::contingency});
   return link;
+}
+
+suite::LinkSettings strict_link() {
+  suite::LinkSettings link = secured_link();
+  link.channels.push_back({0, suite::ChannelSecurity::sdls, 2, "keys/tc_uplink_ad.key"});
+  link.tc_strict = true;
+  return link;
+}
+
+TEST(Uplink, OnAStrictLinkEveryCounterCarriesTheTimeAndAllAssociationsHaveOneOrder) {
+  const VarFolder var;
+  std::ofstream(var.path() / "keys/tc_uplink_ad.key") << ad_test_key;
+  FakeSpacecraft spacecraft(strict_link());
+  auto uplink = Uplink::open(strict_link(), var.path(), var.path() / "ground", now, std::nullopt, 7);
+  ASSERT_TRUE(uplink) << uplink.error();
+  const auto ms = [](UtcTime t) { return static_cast<std::uint64_t>(t.ns() / 1'000'000); };
+  const Octets packet = uplink->make_packet(switch_load())->packet;
+
+  ASSERT_EQ(spacecraft.receive(uplink->make(switch_load())->cltu).size(), 1U);
+  ASSERT_EQ(spacecraft.receive(*uplink->make_ad_cltu(0, packet)).size(), 1U);
+  EXPECT_EQ(spacecraft.last_ad_counter, ms(now) + 1) << "one above that of the BD frame";
+  EXPECT_EQ(spacecraft.last_sender >> 24, 7U);
+  const Octets set_vr = *uplink->make_bc_cltu({.kind = wire::ControlCommand::Kind::set_vr, .vr = 42});
+  spacecraft.receive(set_vr);
+  EXPECT_EQ(spacecraft.farm.vr, 42);
+  EXPECT_EQ(spacecraft.last_counter, ms(now) + 2);
+  ASSERT_EQ(spacecraft.receive(*uplink->make_ad_cltu(42, packet)).size(), 1U);
+  spacecraft.receive(set_vr);
+  EXPECT_EQ(spacecraft.farm.vr, 43) << "a replay";
+
+  uplink->on_time(now + seconds(100));
+  EXPECT_EQ(uplink->make(switch_load())->security_counter, ms(now + seconds(100)));
+  uplink->on_time(now);
+  EXPECT_EQ(uplink->make(switch_load())->security_counter, ms(now + seconds(100)) + 1) << "never back";
+}
+
+TEST(Uplink, TwoRunsOfOneStationDrawDifferentVectorsOnAStrictLink) {
+  const VarFolder var;
+  std::ofstream(var.path() / "keys/tc_uplink_ad.key") << ad_test_key;
+  std::set<std::uint32_t> senders;
+  for (int run = 0; run < 3; ++run) {  // at one time, each with the folder as it was at first
+    std::filesystem::remove_all(var.path() / "ground");
+    FakeSpacecraft spacecraft(strict_link());
+    auto uplink = Uplink::open(strict_link(), var.path(), var.path() / "ground", now);
+    ASSERT_EQ(spacecraft.receive(uplink->make(switch_load())->cltu).size(), 1U);
+    senders.insert(spacecraft.last_sender);
+  }
+  EXPECT_EQ(senders.size(), 3U);
+}
+
+TEST(Uplink, AForgedBeaconDoesNotUseTheCountersUp) {
+  const VarFolder var;
+  auto uplink = Uplink::open(secured_link(), var.path(), var.path() / "ground", now);
+  const std::uint64_t used = *uplink->make(switch_load())->security_counter;
+  const auto told = uplink->on_spacecraft_counter(1, UINT64_MAX - 1);
+  ASSERT_TRUE(told);
+  EXPECT_THAT(*told, HasSubstr("more than 30 days ahead"));
+  EXPECT_FALSE(uplink->on_spacecraft_counter(1, UINT64_MAX - 1)) << "once";
+  EXPECT_EQ(uplink->make(switch_load())->security_counter, used + 1);
 }
 
 std::uint16_t spi_of(const OutgoingTelecommand& telecommand) {

@@ -354,6 +354,7 @@ LinkSettings read_link(const ConfigSection& section) {
   const ConfigSection tc = section.section("tc");
   link.tc_randomizer = tc.boolean("randomizer", link.tc_randomizer);
   link.tc_correct_single_bits = tc.boolean("correct_single_bits", link.tc_correct_single_bits);
+  link.tc_strict = tc.choice("sdls", {"standard", "strict"}, "standard") == "strict";
   tc.finish();
   for (const ConfigSection& entry : section.sections("tc_channels")) {
     const auto is_taken = [&link](auto member, const auto& value) {

@@ -115,6 +115,7 @@ struct LinkSettings {
   bool tm_continuous = false;  ///< idle frames when there is nothing to send
   bool tc_randomizer = false;
   bool tc_correct_single_bits = true;
+  bool tc_strict = false;  ///< whole header and control commands authentic, counters are UTC (ICD 2.3)
   std::vector<TelecommandChannel> channels;
 };
 

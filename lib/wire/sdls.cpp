@@ -27,17 +27,18 @@ const EVP_CIPHER* aes_256_gcm() {
   return cipher;
 }
 
-Aad make_aad(std::uint8_t vc, std::uint8_t segment_header, std::uint16_t spi) {
+Aad make_aad(const SdlsHeader& header, std::uint8_t segment_header, std::uint16_t spi) {
   Aad aad{};
-  aad[2] = static_cast<std::uint8_t>(vc << 2);
+  std::copy(header.octets().begin(), header.octets().end(), aad.begin());
   aad[5] = segment_header;
   aad[6] = static_cast<std::uint8_t>(spi >> 8);
   aad[7] = static_cast<std::uint8_t>(spi & 0xFF);
   return aad;
 }
 
-Iv make_iv(std::uint64_t counter) {
+Iv make_iv(std::uint32_t sender, std::uint64_t counter) {
   Iv iv{};
+  for (unsigned i = 0; i < 4; ++i) iv[i] = static_cast<std::uint8_t>(sender >> (8 * (3 - i)));
   for (unsigned i = 0; i < 8; ++i) iv[4 + i] = static_cast<std::uint8_t>(counter >> (8 * (7 - i)));
   return iv;
 }
@@ -120,8 +121,6 @@ std::string_view to_string(SdlsError error) {
       return "packet too long for a secured frame";
     case SdlsError::wrong_spi:
       return "another security association";
-    case SdlsError::counter_out_of_range:
-      return "counter over 64 bits";
     case SdlsError::bad_mac:
       return "authentication failed";
     case SdlsError::cipher_failed:
@@ -130,12 +129,11 @@ std::string_view to_string(SdlsError error) {
   return "?";
 }
 
-Result<Octets, SdlsError> sdls_apply(const SdlsSeal& seal, std::uint8_t vc, std::uint8_t segment_header,
-                                     OctetView packet) {
-  assert(vc <= tc_vc_max);
+Result<Octets, SdlsError> sdls_apply(const SdlsSeal& seal, const SdlsHeader& header_covered,
+                                     std::uint8_t segment_header, OctetView packet) {
   if (packet.empty()) return Err(SdlsError::too_short);
   if (packet.size() > sdls_packet_octets_max) return Err(SdlsError::too_long);
-  const Iv iv = make_iv(seal.counter);
+  const Iv iv = make_iv(seal.sender, seal.counter);
   OctetWriter header;
   header.u8(segment_header);
   header.u16(seal.spi);
@@ -143,16 +141,15 @@ Result<Octets, SdlsError> sdls_apply(const SdlsSeal& seal, std::uint8_t vc, std:
   Octets data = header.take();
   const std::size_t clear = data.size();
   data.resize(clear + packet.size() + sdls_mac_octets);
-  if (!encrypt(seal.key, iv, make_aad(vc, segment_header, seal.spi), packet, data.data() + clear,
+  if (!encrypt(seal.key, iv, make_aad(header_covered, segment_header, seal.spi), packet, data.data() + clear,
                data.data() + clear + packet.size())) {
     return Err(SdlsError::cipher_failed);
   }
   return data;
 }
 
-Result<SdlsOpened, SdlsError> sdls_open(const SdlsKey& key, std::uint16_t spi, std::uint8_t vc,
+Result<SdlsOpened, SdlsError> sdls_open(const SdlsKey& key, std::uint16_t spi, const SdlsHeader& header,
                                         OctetView data) {
-  assert(vc <= tc_vc_max);
   if (data.size() < 1 + sdls_overhead_octets + 1) return Err(SdlsError::too_short);
   OctetReader in(data);
   SdlsOpened opened;
@@ -163,10 +160,10 @@ Result<SdlsOpened, SdlsError> sdls_open(const SdlsKey& key, std::uint16_t spi, s
   const OctetView iv_octets = in.bytes(sdls_iv_octets);
   std::copy(iv_octets.begin(), iv_octets.end(), iv.begin());
   const OctetView cipher_text = in.bytes(in.remaining() - sdls_mac_octets);
-  auto packet = decrypt(key, iv, make_aad(vc, opened.segment_header, spi), cipher_text, in.rest());
+  auto packet = decrypt(key, iv, make_aad(header, opened.segment_header, spi), cipher_text, in.rest());
   if (!packet) return Err(packet.error());
   OctetReader counter(iv);
-  if (counter.u32() != 0) return Err(SdlsError::counter_out_of_range);
+  opened.sender = counter.u32();
   opened.counter = counter.u64();
   opened.packet = std::move(*packet);
   return opened;

@@ -49,17 +49,23 @@ std::string_view to_string(SegmentError error) {
   return "?";
 }
 
+TcFrameHeader encode_tc_header(TcFrameType type, std::uint16_t spacecraft_id, std::uint8_t vc,
+                               std::uint8_t sequence, std::size_t data_octets) {
+  assert(data_octets > 0 && data_octets <= tc_data_octets_max);
+  assert(spacecraft_id <= tc_spacecraft_id_max && vc <= tc_vc_max);
+  const std::size_t length = tc_frame_header_octets + data_octets + tc_fecf_octets;
+  const unsigned flags = type == TcFrameType::ad   ? 0
+                         : type == TcFrameType::bd ? bypass_flag
+                                                   : bypass_flag | control_flag;
+  const unsigned first = flags | spacecraft_id;
+  const std::size_t second = static_cast<std::size_t>(vc) << 10 | (length - 1);
+  return {static_cast<std::uint8_t>(first >> 8), static_cast<std::uint8_t>(first),
+          static_cast<std::uint8_t>(second >> 8), static_cast<std::uint8_t>(second), sequence};
+}
+
 Octets encode_tc_frame(const TcFrame& frame) {
-  assert(!frame.data.empty() && frame.data.size() <= tc_data_octets_max);
-  assert(frame.spacecraft_id <= tc_spacecraft_id_max && frame.vc <= tc_vc_max);
-  const std::size_t length = tc_frame_header_octets + frame.data.size() + tc_fecf_octets;
-  const unsigned flags = frame.type == TcFrameType::ad   ? 0
-                         : frame.type == TcFrameType::bd ? bypass_flag
-                                                         : bypass_flag | control_flag;
   OctetWriter out(tc_frame_octets_max);
-  out.u16(static_cast<std::uint16_t>(flags | frame.spacecraft_id));
-  out.u16(static_cast<std::uint16_t>(static_cast<unsigned>(frame.vc) << 10 | (length - 1)));
-  out.u8(frame.sequence);
+  out.bytes(encode_tc_header(frame.type, frame.spacecraft_id, frame.vc, frame.sequence, frame.data.size()));
   out.bytes(frame.data);
   out.u16(crc16(out.view()));
   return out.take();

@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <array>
 #include <cstddef>
 #include <cstdint>
 #include <string_view>
@@ -47,6 +48,11 @@ enum class TcFrameError : std::uint8_t {
   wrong_spacecraft,  ///< for another spacecraft
 };
 [[nodiscard]] std::string_view to_string(TcFrameError error);
+
+using TcFrameHeader = std::array<std::uint8_t, tc_frame_header_octets>;
+/// The primary header of a frame (4.1.2). @param data_octets of its data field: 1 to tc_data_octets_max
+[[nodiscard]] TcFrameHeader encode_tc_header(TcFrameType type, std::uint16_t spacecraft_id, std::uint8_t vc,
+                                             std::uint8_t sequence, std::size_t data_octets);
 
 /// Packs a transfer frame with FECF (CCSDS 232.0-B-3, 4.1). Values out of the stated ranges are bugs of the
 /// caller.

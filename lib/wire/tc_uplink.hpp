@@ -17,6 +17,7 @@ struct TcUplinkChannel {
   std::uint16_t spacecraft_id = 0;  ///< 0 to 0x3FF
   std::uint8_t vc = 0;              ///< 0 to 63
   bool randomize = false;           ///< TC randomizer (the whole link's setting)
+  bool whole_header = false;        ///< the MAC covers the whole primary header, else the virtual channel
 };
 
 enum class TcUplinkError : std::uint8_t {
@@ -35,8 +36,13 @@ enum class TcUplinkError : std::uint8_t {
                                                              std::uint8_t sequence, const SdlsSeal* seal,
                                                              OctetView packet);
 
-/// A control command (unlock, set V(R)) as the octets for the line. Never secured (CCSDS 355.0-B-2: frames
-/// without data of users are outside its scope).
+/// A control command (unlock, set V(R)) as the octets for the line, without security, as CCSDS 355.0-B-2 has
+/// it: frames without data of users are outside its scope.
 [[nodiscard]] Octets make_control_cltu(const TcUplinkChannel& channel, ControlCommand command);
+/// The same for a spacecraft that executes authentic control commands only: the data field is secured as that
+/// of a BD frame, segment header included.
+[[nodiscard]] Result<Octets, TcUplinkError> make_secured_control_cltu(const TcUplinkChannel& channel,
+                                                                      ControlCommand command,
+                                                                      const SdlsSeal& seal);
 
 }  // namespace srfs::wire

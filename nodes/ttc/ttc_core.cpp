@@ -17,7 +17,6 @@ namespace {
 constexpr std::size_t frames_per_read = TtcCore::read_octets / 26 + 2;  ///< the shortest CLTU has 26 octets
 constexpr std::uint8_t verification_service = 1;
 /// Control commands need no key: what they change is written no more often than this.
-constexpr seconds flags_period{1};
 constexpr milliseconds schedule_retry_period{50};  ///< what is due and not released waits for room
 ModeWhy no_telecommand() {
   return {.cause = ModeCause::command_loss, .reason = "no telecommand came"};
@@ -96,6 +95,7 @@ TtcCore::TtcCore(Setup setup)
       boot_(setup.boot),
       first_start_(setup.first_start),
       floor_wanted_(setup.floor),
+      lifetime_(setup.lifetime),
       key_selection_(std::move(setup.keys)),
       unusable_keys_(std::move(setup.unusable_keys)),
       key_news_(std::move(setup.key_news)) {
@@ -146,6 +146,7 @@ void TtcCore::activate(MonotonicTime now) {
 void TtcCore::flush_journal(MonotonicTime now) {
   now_ = now;
   record_progress();
+  uplink_.keep_flags();
   persist_journal(true);
 }
 
@@ -177,7 +178,7 @@ TtcCore::Actions TtcCore::settle(MonotonicTime now) {
   store_tables();
   report_rejections();
   report_hazards();
-  report_findings();
+  report_refused_frames();
   record_progress();
   persist_journal();
   send_released();
@@ -202,6 +203,7 @@ std::optional<MonotonicTime> TtcCore::next_due(MonotonicTime now) const {
   sooner(uplink_.idle_deadline());
   if (const auto in = schedule_.next_due_in())
     sooner(now + (*in > nanoseconds(0) ? *in : schedule_retry_period));
+  sooner(refused_frames_.next_due(uplink_.counters()));
   sooner(event_actions_.next_due(now));
   sooner(monitoring_.retry_at());
   sooner(event_actions_.retry_at());
@@ -223,14 +225,24 @@ void TtcCore::on_deadline(MonotonicTime now) {
 
 void TtcCore::on_octets(OctetView octets, MonotonicTime now) {
   now_ = now;
+  tell_uplink_the_time();
   const std::uint64_t frames_before = uplink_.cltu_counters().cltus_decoded;
   take_uplinked(uplink_.push(octets, now));
   uplink_.set_buffer_available(gate_.has_room(frames_per_read));
   if (uplink_.cltu_counters().cltus_decoded != frames_before) downlink_.want_control_word(now);
 }
 
+/// When no telecommand came for so long that the command-loss timer acts, the clocks may be what is wrong.
+void TtcCore::tell_uplink_the_time() {
+  const bool judged = lifetime_ > seconds(0) && !command_loss_.lost();
+  const auto utc = valid_utc();
+  uplink_.set_age(judged ? std::optional<milliseconds>(lifetime_) : std::nullopt,
+                  utc ? std::optional(clock_counter(*utc)) : std::nullopt);
+}
+
 void TtcCore::on_line_idle(MonotonicTime now) {
   now_ = now;
+  tell_uplink_the_time();
   take_uplinked(uplink_.on_idle(now));
 }
 
@@ -288,13 +300,7 @@ void TtcCore::record_refusal(JudgedTelecommand& judged, const LinkState& link) {
 // ---- journal
 
 void TtcCore::persist_journal(bool sync_all) {
-  if (uplink_.has_data_after(journal_.link().generation)) {
-    journal_.on_link(uplink_.state());
-  } else if (uplink_.state().generation != journal_.link().generation &&
-             (sync_all || now_ - flags_written_ >= flags_period)) {
-    flags_written_ = now_;
-    journal_.on_link(uplink_.state());
-  }
+  journal_.on_link(uplink_.state());  // nothing unless a frame was accepted
   const bool awaited = gate_.wants_write(journal_.revision());
   const bool lazy = journal_.wants_write() || (sync_all && journal_.wants_sync());
   if (!awaited && !(lazy && gate_.may_write())) return;

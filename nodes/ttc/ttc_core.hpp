@@ -30,6 +30,7 @@
 #include "nodes/ttc/link/downlink_scheduler.hpp"
 #include "nodes/ttc/link/frame_count_file.hpp"
 #include "nodes/ttc/link/packet_maker.hpp"
+#include "nodes/ttc/link/refused_frames.hpp"
 #include "nodes/ttc/link/uplink_chain.hpp"
 #include "nodes/ttc/report/beacon_builder.hpp"
 #include "nodes/ttc/report/event_reporter.hpp"
@@ -193,7 +194,6 @@ class TtcCore {
     bool files_work = true;
     std::uint64_t unstored_packets = 0;
     std::uint64_t foreign_samples = 0;  ///< ticks, telemetry and reports that cannot be what they say
-    std::map<std::uint8_t, std::uint32_t> not_authentic{};  ///< per TC channel, for the event
   };
   /// What the start found.
   struct Setup {
@@ -214,6 +214,7 @@ class TtcCore {
     milliseconds persist_deadline{1000};
     milliseconds schedule_late_max{60'000};
     milliseconds arm_window{30'000};
+    seconds lifetime{0};  ///< of a telecommand on a strict link; 0: no end
     FloorWanted floor = FloorWanted::no;
     bool first_start = false;
     std::string journal_damage{};  ///< what it means; empty: none
@@ -309,6 +310,7 @@ class TtcCore {
   /// settle() has something to decide.
   [[nodiscard]] bool has_waiting_actions() const { return event_actions_.waiting() > 0; }
   void set_repeat_window(milliseconds window) { journal_.set_repeat_window(window); }
+  void set_lifetime(seconds lifetime) { lifetime_ = lifetime; }
   // ---- mode
   void set_ignored_causes(std::vector<std::string> names) { causes_.set_ignored(std::move(names)); }
   void on_node_state(const std::string& node, bool active, MonotonicTime now) {
@@ -373,6 +375,7 @@ class TtcCore {
   // Uplink
   void take_uplinked(std::vector<UplinkedPacket> packets);
   void take_packet(UplinkedPacket packet);
+  void tell_uplink_the_time();
   /// What was refused, for the disk and for the ground after a kill.
   void record_refusal(JudgedTelecommand& judged, const LinkState& link);
   /// @param sync_all also what need not be on disk before something is executed
@@ -436,7 +439,7 @@ class TtcCore {
   void send_time_report();
   void report_rejections();
   void report_hazards();
-  void report_findings();
+  void report_refused_frames();
   void report_keys_at_start();
   void report_keys(std::uint8_t vc, KeySet set, const std::string& why);
   void tell_of_file(const cfdp::News& news);
@@ -504,7 +507,6 @@ class TtcCore {
   int commits_missed_ = 0;
   FrameCountReserve frame_count_reserve_;
   bool frame_counts_stored_ = true;  ///< the last time they were written; only a change is reported
-  MonotonicTime flags_written_;      ///< of FARM-1, without data
   mission::TtcFilesHousekeeping files_status_;  ///< as of the last turn
   std::uint64_t copied_generation_ = 0;         ///< of the link state in its second home
   std::size_t journal_damaged_octets_ = 0;
@@ -513,6 +515,8 @@ class TtcCore {
   std::uint64_t cycle_ = 0;
   bool first_start_ = false;
   FloorWanted floor_wanted_ = FloorWanted::no;
+  seconds lifetime_{0};
+  RefusedFrames refused_frames_;
   /// Of the link state with their floor, until it is stored.
   std::optional<std::uint64_t> raised_generation_;
   KeySelection key_selection_;

@@ -71,6 +71,7 @@ Result<UplinkConfig, std::string> read_channels(const suite::Deployment& deploym
       line != deployment.devices.end() && suite::is_hardware_line(line->second, root);
   UplinkConfig config;
   config.spacecraft_id = static_cast<std::uint16_t>(settings.spacecraft_id);
+  config.strict = settings.tc_strict;
   config.cltu.randomized = settings.tc_randomizer;
   config.cltu.correct_single_bits = settings.tc_correct_single_bits;
   for (const suite::TelecommandChannel& entry : settings.channels) {
@@ -187,8 +188,8 @@ void say_how_the_link_is_secured(const suite::LinkSettings& link) {
           channel.virtual_channel);
     } else {
       const auto set = to_key_set(channel.set);
-      log::info("TC virtual channel {}: SDLS, SPI {}, keys {}", channel.virtual_channel, channel.spi,
-                set ? to_text(*set) : "contingency");
+      log::info("TC virtual channel {}: SDLS{}, SPI {}, keys {}", channel.virtual_channel,
+                link.tc_strict ? ", strict" : "", channel.spi, set ? to_text(*set) : "contingency");
     }
   }
 }
@@ -210,6 +211,8 @@ TtcNode::TtcNode(suite::NodeContext& context) : Node(context), added_(list_of(de
                     "The same packet on a secured channel within this time is a repeat");
   declare_parameter("command_loss_s", std::int64_t{259'200}, ros::ParameterRange{4, 2'592'000},
                     "Time without an authenticated telecommand after which the command-loss timer acts");
+  declare_parameter("telecommand_lifetime_s", std::int64_t{600}, ros::ParameterRange{0, 86'400},
+                    "On a strict link a telecommand older than this is refused; 0: none is");
   declare_parameter("ignored_causes", std::vector<std::string>{},
                     "Causes of the deployment's modes that change nothing");
   declare_parameter("schedule_late_max_ms", std::int64_t{60000}, ros::ParameterRange{1000, 86'400'000},
@@ -221,6 +224,8 @@ TtcNode::TtcNode(suite::NodeContext& context) : Node(context), added_(list_of(de
   on_parameter_change([this](const std::string& parameter) {
     if (parameter == "repeat_window_ms" && core_)
       core_->set_repeat_window(milliseconds(get_parameter<std::int64_t>(parameter)));
+    if (parameter == "telecommand_lifetime_s" && core_)
+      core_->set_lifetime(seconds(get_parameter<std::int64_t>(parameter)));
     if (parameter == "ignored_causes" && core_)
       core_->set_ignored_causes(get_parameter<std::vector<std::string>>(parameter));
     if (parameter == "command_loss_s" && core_) {
@@ -259,6 +264,7 @@ TtcCore::Setup TtcNode::read_setup(StoredState& state, const FrameCountFile& fra
       .persist_deadline = parameter("persist_deadline_ms"),
       .schedule_late_max = parameter("schedule_late_max_ms"),
       .arm_window = parameter("arm_window_ms"),
+      .lifetime = seconds(get_parameter<std::int64_t>("telecommand_lifetime_s")),
       .key_news = std::move(key_news),
       .remembered = remembered_,
       .lane = image_lane(),

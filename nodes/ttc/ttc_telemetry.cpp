@@ -299,25 +299,17 @@ void TtcCore::report_hazards() {
   }
 }
 
-void TtcCore::report_findings() {
-  for (const SecurityFinding& finding : uplink_.take_findings()) {
-    if (finding.kind == SecurityFinding::Kind::counter_out_of_range) {
-      mission::TtcFrameCounterOutOfRangeEvent event;
-      event.vc = finding.vc;
-      event.count = uplink_.counters().counter_out_of_range;
-      raise(event);
-    } else if (finding.kind == SecurityFinding::Kind::replayed) {
-      mission::TtcFrameReplayedEvent event;
-      event.vc = finding.vc;
-      event.counter = finding.counter;
-      raise(event);
-    } else {
-      mission::TtcFrameNotAuthenticEvent event;
-      event.vc = finding.vc;
-      event.count = ++remembered_.not_authentic[finding.vc];
-      raise(event);
-    }
-  }
+void TtcCore::report_refused_frames() {
+  const auto sum = refused_frames_.take_due(uplink_.counters(), now_);
+  if (!sum) return;
+  mission::TtcFramesRefusedEvent event;
+  event.not_authentic = sum->not_authentic;
+  event.replayed = sum->replayed;
+  event.too_old = sum->too_old;
+  event.counter_out_of_range = sum->counter_out_of_range;
+  event.counter = sum->newest_counter;
+  event.since_s = as_u32(static_cast<std::uint64_t>(sum->since.count()));
+  raise(event);
 }
 
 void TtcCore::report_keys_at_start() {
@@ -458,6 +450,8 @@ void TtcCore::add_link_counters(mission::TtcHousekeeping& h) const {
   h.sdls_mac_failures = up.not_authentic;
   h.sdls_replays = up.replayed;
   h.sdls_counters_out_of_range = up.counter_out_of_range;
+  h.sdls_too_old = up.too_old;
+  h.sdls_oldest_counter = uplink_.oldest_counter(now_).value_or(0);
   h.sdls_contingency_spi = uplink_.associations().contingency;
   h.sdls_contingency_counter = uplink_.counter(h.sdls_contingency_spi).value_or(0);
   h.sdls_keys_unusable = static_cast<std::uint8_t>(unusable_keys_.size());

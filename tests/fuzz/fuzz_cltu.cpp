@@ -21,6 +21,8 @@ void use(const Octets& octets, FarmState& farm) {
   if (!decode_clcw(encode_clcw(make_clcw(farm, frame->vc)))) std::abort();
   static const SdlsKey key(std::array<std::uint8_t, sdls_key_octets>{1});
   (void)sdls_open(key, 4, frame->vc, frame->data);
+  const SdlsHeader whole(encode_tc_header(frame->type, 0xAB, frame->vc, frame->sequence, frame->data.size()));
+  if (sdls_open(key, 4, whole, frame->data)) std::abort();  // nobody has this key
   (void)segment_payload(frame->data);
 }
 

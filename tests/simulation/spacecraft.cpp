@@ -215,6 +215,7 @@ std::unique_ptr<Program> Spacecraft::make_logic(Host& made_for) {
 TtcSurroundings Spacecraft::ttc_surroundings() {
   UplinkConfig uplink;
   uplink.spacecraft_id = static_cast<std::uint16_t>(link_.spacecraft_id);
+  uplink.strict = link_.tc_strict;
   uplink.cltu.randomized = link_.tc_randomizer;
   uplink.channels.push_back(UplinkChannel{.vc = 0, .associations = {}});
   uplink.channels.back().associations.push_back(UplinkAssociation{

@@ -204,7 +204,8 @@ Station::Station(Kernel& kernel, const mission::Dictionary& dictionary, const su
       noise_(kernel.random("line")),
       channel_{.spacecraft_id = static_cast<std::uint16_t>(link.spacecraft_id),
                .vc = 0,
-               .randomize = link.tc_randomizer},
+               .randomize = link.tc_randomizer,
+               .whole_header = link.tc_strict},
       key_(key),
       record_(record),
       to_spacecraft_(std::move(to_spacecraft)),
@@ -283,6 +284,12 @@ std::optional<Octets> Station::frame(wire::TcFrameType type, std::uint8_t sequen
   return cltu ? std::optional(std::move(*cltu)) : std::nullopt;
 }
 
+std::optional<Octets> Station::control_frame(wire::ControlCommand command) {
+  if (!channel_.whole_header) return wire::make_control_cltu(channel_, command);
+  auto cltu = wire::make_secured_control_cltu(channel_, command, {key_, spi_bd, counter_++});
+  return cltu ? std::optional(std::move(*cltu)) : std::nullopt;
+}
+
 bool Station::passes_line(Octets& octets, Random& random) {
   if (line_.cut || random.below(1000) < line_.lost_per_1000) return false;
   if (random.below(1000) < line_.spoiled_per_1000) {
@@ -321,7 +328,7 @@ void Station::handle_ad() {
     const auto telecommand = by_ad_.find(signal->tag);
     if (signal->kind == Kind::transmit_ad || signal->kind == Kind::transmit_bc) {
       auto cltu = signal->kind == Kind::transmit_bc
-                      ? std::optional(wire::make_control_cltu(channel_, signal->control))
+                      ? control_frame(signal->control)
                       : frame(wire::TcFrameType::ad, signal->sequence, signal->packet);
       kernel_.trace(Lane::ground, Lane::ttc, signal->kind == Kind::transmit_bc ? "BC frame" : "AD frame",
                     signal->sequence, signal->repeated ? 1 : 0);

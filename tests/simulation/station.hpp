@@ -107,6 +107,7 @@ class Station {
   void on_cadu(const Octets& cadu);
   void handle_ad();
   [[nodiscard]] std::optional<Octets> frame(wire::TcFrameType type, std::uint8_t sequence, OctetView packet);
+  [[nodiscard]] std::optional<Octets> control_frame(wire::ControlCommand command);
   [[nodiscard]] bool passes_line(Octets& octets, Random& random);
 
   Kernel& kernel_;

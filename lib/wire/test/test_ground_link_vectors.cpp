@@ -15,6 +15,7 @@
 #include "wire/sdls.hpp"
 #include "wire/space_packet.hpp"
 #include "wire/tc_frame.hpp"
+#include "wire/tc_uplink.hpp"
 #include "wire/tm_frame.hpp"
 
 namespace srfs::wire {
@@ -82,6 +83,16 @@ Octets secured(TcFrameType type, std::uint8_t sequence, std::uint64_t counter) {
   return tc_frame(
       type, sequence,
       sdls_apply({.key = key, .spi = 4, .counter = counter}, 1, segment_header_unsegmented, ping()).value());
+}
+/// On a strict link; taken out of its CLTU.
+Octets strict(std::uint64_t counter,
+              const std::function<Octets(const TcUplinkChannel&, const SdlsSeal&)>& make) {
+  const SdlsKey key = counting_key();
+  const TcUplinkChannel channel{.spacecraft_id = spacecraft, .vc = 1, .whole_header = true};
+  CltuDecoder decoder({});
+  return decoder
+      .push(make(channel, {.key = key, .spi = 4, .counter = counter, .sender = 0x07A1B2C3}), MonotonicTime{})
+      .at(0);
 }
 Octets tm_frame_with_packet() {
   // The octets contain virtual channel 2; "vc1" in the vector's name is the channel reported by its CLCW.
@@ -173,6 +184,19 @@ const std::map<std::string, std::function<Octets()>>& makers() {
       {"SDLS key 000102..1f, SPI 4, AES-256-GCM, IV 1, BD ping",
        [] { return secured(TcFrameType::bd, 0, 1); }},
       {"SDLS same, IV 2, AD N(S)=5", [] { return secured(TcFrameType::ad, 5, 2); }},
+      {"Strict SDLS, IV 07a1b2c3 000001a1ee565e00, AD N(S)=5 of the ping",
+       [] {
+         return strict(1'795'000'000'000, [](const auto& channel, const auto& seal) {
+           return make_uplink_cltu(channel, TcFrameType::ad, 5, &seal, ping()).value();
+         });
+       }},
+      {"Strict SDLS, IV 07a1b2c3 000001a1ee565e01, BC set V(R)=2a",
+       [] {
+         return strict(1'795'000'000'001, [](const auto& channel, const auto& seal) {
+           return make_secured_control_cltu(channel, {.kind = ControlCommand::Kind::set_vr, .vr = 0x2A}, seal)
+               .value();
+         });
+       }},
   };
   return all;
 }

@@ -16,9 +16,13 @@ constexpr std::uint16_t version_without_telecommand_id = 1;
 
 }  // namespace
 
+std::uint64_t clock_counter(UtcTime now) {
+  const auto counted = std::chrono::duration_cast<milliseconds>(now.since_epoch());
+  return static_cast<std::uint64_t>(std::max<milliseconds::rep>(counted.count(), 0));
+}
+
 std::uint64_t lost_counter_floor(UtcTime now) {
-  const auto floor = std::chrono::duration_cast<milliseconds>(now.since_epoch() - lost_counter_tolerance);
-  return static_cast<std::uint64_t>(std::max<milliseconds::rep>(floor.count(), 0));
+  return clock_counter(now - lost_counter_tolerance);
 }
 
 void write_link_state(OctetWriter& writer, const LinkState& state) {

@@ -36,6 +36,8 @@ struct LinkState {
 /// recording older than lost_counter_tolerance is below.
 inline constexpr seconds lost_counter_tolerance{60};
 [[nodiscard]] std::uint64_t lost_counter_floor(UtcTime now);
+/// Milliseconds of UTC, what counters are on a strict link.
+[[nodiscard]] std::uint64_t clock_counter(UtcTime now);
 /// Milliseconds of the year 2004: a ground station whose counters are lower counts no clock.
 inline constexpr std::uint64_t lowest_clock_counter = std::uint64_t{1} << 40U;
 

@@ -23,7 +23,6 @@ UplinkChain::UplinkChain(UplinkConfig config, const LinkState& stored)
     }
   }
   carry_along(stored);
-  data_generation_ = state_.generation;
   stored_ = state_;
   // Nothing else would end a wait that was on when the process ended.
   set_buffer_available(true);
@@ -63,11 +62,13 @@ std::optional<std::pair<std::uint16_t, std::uint16_t>> associations_with_one_key
 }
 
 std::vector<UplinkedPacket> UplinkChain::push(OctetView octets, MonotonicTime now) {
+  now_ = now;
   counters_.octets += octets.size();
   return on_frames(decoder_.push(octets, now));
 }
 
 std::vector<UplinkedPacket> UplinkChain::on_idle(MonotonicTime now) {
+  now_ = now;
   return on_frames(decoder_.on_idle(now));
 }
 
@@ -96,7 +97,7 @@ std::optional<UplinkedPacket> UplinkChain::on_frame(OctetView octets) {
     return std::nullopt;
   }
   if (frame->type == wire::TcFrameType::bc) {
-    on_control_frame(channel->vc, *frame);
+    on_control_frame(*channel, *frame);
     return std::nullopt;
   }
   return on_data_frame(*channel, *frame);
@@ -129,9 +130,11 @@ std::optional<UplinkedPacket> UplinkChain::on_data_frame(const UplinkChannel& ch
     keep_refused(std::move(packet));
     return std::nullopt;
   }
-  if (opened) set_counter(opened->spi, opened->counter);
-  data_generation_ = state_.generation;
+  ++state_.generation;
+  flags_changed_ = false;
   if (opened) {
+    set_counter(opened->spi, opened->counter);
+    age_.on_accepted(opened->counter, now_);
     if (opened->segment_header != wire::segment_header_unsegmented || opened->packet.empty()) {
       ++counters_.bad_segment;
       return std::nullopt;
@@ -152,9 +155,8 @@ std::optional<UplinkedPacket> UplinkChain::on_data_frame(const UplinkChannel& ch
 
 std::optional<wire::SdlsOpened> UplinkChain::open_secured(const UplinkChannel& channel,
                                                           const wire::TcFrame& frame) {
-  const auto refuse = [&] {
+  const auto refuse = [this] {
     ++counters_.not_authentic;
-    find({.kind = SecurityFinding::Kind::not_authentic, .vc = channel.vc, .counter = 0});
     return std::nullopt;
   };
   const auto spi = wire::sdls_claimed_spi(frame.data);
@@ -164,34 +166,69 @@ std::optional<wire::SdlsOpened> UplinkChain::open_secured(const UplinkChannel& c
         return in_use && spi == a.spi && (frame.type == wire::TcFrameType::ad ? a.for_ad : a.for_bd);
       });
   if (association == channel.associations.end()) return refuse();
-  auto opened = wire::sdls_open(association->key, association->spi, channel.vc, frame.data);
-  if (!opened && opened.error() == wire::SdlsError::counter_out_of_range) {
-    ++counters_.counter_out_of_range;
-    find({.kind = SecurityFinding::Kind::counter_out_of_range, .vc = channel.vc, .counter = 0});
-    return std::nullopt;
-  }
+  const wire::SdlsHeader header =
+      is_strict(channel) ? wire::SdlsHeader(wire::encode_tc_header(frame.type, frame.spacecraft_id, frame.vc,
+                                                                   frame.sequence, frame.data.size()))
+                         : wire::SdlsHeader(channel.vc);
+  auto opened = wire::sdls_open(association->key, association->spi, header, frame.data);
   if (!opened) return refuse();
-  if (!wire::is_fresh(counter(association->spi), opened->counter)) {
-    ++counters_.replayed;
-    find({.kind = SecurityFinding::Kind::replayed, .vc = channel.vc, .counter = opened->counter});
+  const bool fresh = wire::is_fresh(last_counter(channel, *association), opened->counter);
+  const bool out_of_range = is_strict(channel) ? opened->counter > max_strict_counter : opened->sender != 0;
+  const auto oldest = is_strict(channel) ? age_.oldest(now_) : std::nullopt;
+  const bool too_old = oldest && opened->counter < *oldest;
+  if (fresh && !out_of_range && !too_old) return std::move(*opened);
+  counters_.refused_counter = opened->counter;
+  ++(out_of_range ? counters_.counter_out_of_range : !fresh ? counters_.replayed : counters_.too_old);
+  if (!out_of_range && !fresh && frame.type != wire::TcFrameType::bc) {
     keep_refused({.frame = {.vc = channel.vc,
                             .type = frame.type,
                             .spi = opened->spi,
                             .counter = opened->counter,
                             .sequence = frame.sequence},
                   .packet = std::move(opened->packet)});
-    return std::nullopt;
   }
-  return std::move(*opened);
+  return std::nullopt;
 }
 
-void UplinkChain::on_control_frame(std::uint8_t vc, const wire::TcFrame& frame) {
+std::optional<std::uint64_t> UplinkChain::last_counter(const UplinkChannel& channel,
+                                                       const UplinkAssociation& association) const {
+  if (!is_strict(channel)) return counter(association.spi);
+  std::optional<std::uint64_t> highest;
+  for (const UplinkAssociation& each : channel.associations) {
+    const auto last = counter(each.spi);
+    // A higher one is of a time when the link was not strict; no frame of then is authentic now.
+    if (last && *last <= max_strict_counter) highest = std::max(highest, last);
+  }
+  return highest;
+}
+
+void UplinkChain::on_control_frame(const UplinkChannel& channel, const wire::TcFrame& frame) {
+  if (is_strict(channel)) return on_secured_control_frame(channel, frame);
   const wire::FarmOutcome outcome =
-      wire::farm_receive(farm(vc), frame, buffer_available_, config_.farm_window);
-  set_farm(vc, outcome.state);
+      wire::farm_receive(farm(channel.vc), frame, buffer_available_, config_.farm_window);
+  set_farm(channel.vc, outcome.state);
   acknowledge_flags();
-  ++(outcome.verdict == wire::FarmVerdict::control_executed ? counters_.control_commands
-                                                            : counters_.bad_control_command);
+  count_control(outcome.verdict);
+}
+
+void UplinkChain::on_secured_control_frame(const UplinkChannel& channel, const wire::TcFrame& frame) {
+  auto opened = open_secured(channel, frame);
+  if (!opened) return;
+  wire::TcFrame command = frame;
+  command.data = std::move(opened->packet);
+  const wire::FarmOutcome outcome =
+      wire::farm_receive(farm(channel.vc), command, buffer_available_, config_.farm_window);
+  set_farm(channel.vc, outcome.state);
+  ++state_.generation;
+  flags_changed_ = false;
+  set_counter(opened->spi, opened->counter);
+  age_.on_accepted(opened->counter, now_);
+  count_control(outcome.verdict);
+}
+
+void UplinkChain::count_control(wire::FarmVerdict verdict) {
+  ++(verdict == wire::FarmVerdict::control_executed ? counters_.control_commands
+                                                    : counters_.bad_control_command);
 }
 
 bool UplinkChain::authenticates() const {
@@ -255,21 +292,25 @@ void UplinkChain::set_farm(std::uint8_t vc, const wire::FarmState& farm) {
   LinkState::Channel& channel = channel_state(vc);
   if (channel.farm == farm) return;
   channel.farm = farm;
+  flags_changed_ = true;
+}
+
+void UplinkChain::keep_flags() {
+  if (!std::exchange(flags_changed_, false)) return;
   ++state_.generation;
 }
 
 void UplinkChain::acknowledge_flags() {
-  if (stored_.generation >= data_generation_) stored_ = state_;
+  if (stored_.generation >= state_.generation) stored_ = state_;
 }
 
 bool UplinkChain::on_stored(const LinkState& stored) {
   if (stored.generation <= stored_.generation) return false;
-  stored_ = stored.generation >= data_generation_ ? state_ : stored;
+  stored_ = stored.generation >= state_.generation ? state_ : stored;
   return true;
 }
 
 void UplinkChain::set_counter(std::uint16_t spi, std::uint64_t counter) {
-  ++state_.generation;
   for (LinkState::Association& association : state_.associations) {
     if (association.spi == spi) {
       association.counter = counter;
@@ -284,7 +325,7 @@ void UplinkChain::raise_counters(std::uint64_t floor) {
     for (const UplinkAssociation& association : channel.associations)
       set_counter(association.spi, std::max(floor, counter(association.spi).value_or(0)));
   }
-  data_generation_ = state_.generation;  // to disk as soon as a frame's
+  ++state_.generation;
 }
 
 void UplinkChain::set_buffer_available(bool available) {
@@ -310,11 +351,6 @@ std::uint32_t UplinkChain::next_clcw() {
 void UplinkChain::keep_refused(UplinkedPacket packet) {
   if (refused_.size() == max_refused) refused_.erase(refused_.begin());
   refused_.push_back(std::move(packet));
-}
-
-void UplinkChain::find(SecurityFinding finding) {
-  if (findings_.size() == max_findings) findings_.erase(findings_.begin());
-  findings_.push_back(finding);
 }
 
 }  // namespace srfs

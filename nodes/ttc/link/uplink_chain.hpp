@@ -12,6 +12,7 @@
 #include "base/time.hpp"
 #include "nodes/ttc/link/key_selection.hpp"
 #include "nodes/ttc/link/link_state.hpp"
+#include "nodes/ttc/link/telecommand_age.hpp"
 #include "wire/cltu.hpp"
 #include "wire/farm1.hpp"
 #include "wire/sdls.hpp"
@@ -37,6 +38,10 @@ struct UplinkChannel {
 
 struct UplinkConfig {
   std::uint16_t spacecraft_id = 0;
+  /// On secured channels the MAC covers the whole header, control commands (BC) are secured too, one order
+  /// holds for all associations of a channel, and counters are UTC milliseconds. Else 355.0-B and 232.1-B as
+  /// they stand: N(S), bypass flag and control commands need no key.
+  bool strict = false;
   wire::CltuDecoder::Config cltu;
   std::uint8_t farm_window = wire::farm_window_default;
   std::vector<UplinkChannel> channels;
@@ -53,9 +58,11 @@ struct UplinkCounters {
   std::uint32_t wrong_scid = 0;
   std::uint32_t wrong_header = 0;  ///< version, spare bits, reserved type, length
   std::uint32_t wrong_vc = 0;
-  std::uint32_t not_authentic = 0;  ///< too short, unknown or unfit association, wrong MAC
-  std::uint32_t replayed = 0;
-  std::uint32_t counter_out_of_range = 0;  ///< authentic, with a counter of more than 64 bits
+  std::uint32_t not_authentic = 0;         ///< too short, unknown or unfit association, wrong MAC
+  std::uint32_t replayed = 0;              ///< authentic, and its counter is not above the last accepted one
+  std::uint32_t too_old = 0;               ///< authentic, in order, and older than a telecommand may be
+  std::uint32_t counter_out_of_range = 0;  ///< authentic, with a counter that no sender gets to
+  std::uint64_t refused_counter = 0;       ///< of the newest of the last three
   std::uint32_t farm_discarded = 0;
   std::uint32_t bad_control_command = 0;
   std::uint32_t bad_segment = 0;
@@ -79,21 +86,18 @@ struct UplinkedPacket {
   LinkState link{};  ///< as its frame left it; of a refused one empty
 };
 
-/// A frame that security refused, for the events that report it.
-struct SecurityFinding {
-  enum class Kind : std::uint8_t { not_authentic, replayed, counter_out_of_range };
-  Kind kind = Kind::not_authentic;
-  std::uint8_t vc = 0;
-  std::uint64_t counter = 0;  ///< replayed: the old counter
-};
-
 /// The uplink from octets of the line to space packets: CLTU, TC frame, virtual channel, SDLS (MAC, then
 /// counter), FARM-1, segment header. Never blocks. A frame advances its association's counter only when
 /// FARM-1 accepted it. The control word acknowledges a frame with data only when what it left is stored.
+///
+/// The state gets a new generation, which goes to the disk, by accepted frames alone: what needs no key
+/// (control commands without security, frames that FARM-1 discards) costs no write.
 class UplinkChain {
  public:
-  static constexpr std::size_t max_findings = 16;
   static constexpr std::size_t max_refused = 16;
+  /// No clock shows more milliseconds; one frame must not use all counters up. On a standard link a counter
+  /// has 64 bits.
+  static constexpr std::uint64_t max_strict_counter = std::uint64_t{1} << 62U;
 
   /// @param stored what was remembered. Channels and associations that are not configured are carried along
   /// while there is room, so that they keep their counters when they come back
@@ -104,6 +108,14 @@ class UplinkChain {
   /// Ends a CLTU that was cut short. To be called from idle_deadline() on, when the line was found empty.
   [[nodiscard]] std::vector<UplinkedPacket> on_idle(MonotonicTime now);
   [[nodiscard]] std::optional<MonotonicTime> idle_deadline() const;
+
+  /// Strict: how old a frame may be; see TelecommandAge::set(). To be told before each push.
+  void set_age(std::optional<milliseconds> lifetime, std::optional<std::uint64_t> utc_ms) {
+    age_.set(config_.strict ? lifetime : std::nullopt, utc_ms);
+  }
+  [[nodiscard]] std::optional<std::uint64_t> oldest_counter(MonotonicTime now) const {
+    return age_.oldest(now);
+  }
 
   /// Whether a channel has security: then frames without any prove nothing.
   [[nodiscard]] bool authenticates() const;
@@ -126,8 +138,8 @@ class UplinkChain {
 
   /// What must be on disk before the packets handed out so far may be executed.
   [[nodiscard]] const LinkState& state() const { return state_; }
-  /// Whether a frame with data came after @p generation; else only flags of FARM-1 and control commands did.
-  [[nodiscard]] bool has_data_after(std::uint64_t generation) const { return data_generation_ > generation; }
+  /// Before an orderly end: what control commands and flags of FARM-1 changed gets a generation of its own.
+  void keep_flags();
   /// @p stored is on disk, or cannot be brought there. @return whether more is acknowledged now
   bool on_stored(const LinkState& stored);
   /// No configured association takes @p floor or a lower counter from now on.
@@ -139,8 +151,6 @@ class UplinkChain {
   [[nodiscard]] std::optional<std::uint64_t> counter(std::uint16_t spi) const;
   [[nodiscard]] const UplinkCounters& counters() const { return counters_; }
   [[nodiscard]] const wire::CltuDecoder::Counters& cltu_counters() const { return decoder_.counters(); }
-  /// The newest findings since the last call, at most max_findings.
-  [[nodiscard]] std::vector<SecurityFinding> take_findings() { return std::exchange(findings_, {}); }
   /// Packets whose frame was whole (and authentic, where the channel is secured) but came before: its counter
   /// was used, or FARM-1 discarded it. The sender may have missed the reports. The newest, at most
   /// max_refused.
@@ -154,26 +164,36 @@ class UplinkChain {
   /// @return the opened field of a secured channel; nullopt: refused and counted, and kept if it is authentic
   [[nodiscard]] std::optional<wire::SdlsOpened> open_secured(const UplinkChannel& channel,
                                                              const wire::TcFrame& frame);
-  void on_control_frame(std::uint8_t vc, const wire::TcFrame& frame);
+  void on_control_frame(const UplinkChannel& channel, const wire::TcFrame& frame);
+  /// Strict, on a secured channel.
+  void on_secured_control_frame(const UplinkChannel& channel, const wire::TcFrame& frame);
+  void count_control(wire::FarmVerdict verdict);
+  [[nodiscard]] bool is_strict(const UplinkChannel& channel) const {
+    return config_.strict && !channel.associations.empty();
+  }
+  /// The counter that the next one of @p association must be above.
+  [[nodiscard]] std::optional<std::uint64_t> last_counter(const UplinkChannel& channel,
+                                                          const UplinkAssociation& association) const;
   [[nodiscard]] const UplinkChannel* channel_of(std::uint8_t vc) const;
   [[nodiscard]] LinkState::Channel& channel_state(std::uint8_t vc);
+  /// Without a generation of its own.
   void set_farm(std::uint8_t vc, const wire::FarmState& farm);
-  /// The change that set_farm() made carries no data: it is acknowledged when nothing before it waits.
+  /// The change that set_farm() made waits for no disk: it is acknowledged when nothing before it waits.
   void acknowledge_flags();
   void set_counter(std::uint16_t spi, std::uint64_t counter);
-  void find(SecurityFinding finding);
   void keep_refused(UplinkedPacket packet);
   void carry_along(const LinkState& stored);
 
   UplinkConfig config_;
   wire::CltuDecoder decoder_;
-  LinkState state_;                    ///< the configured channels first, in their order
-  LinkState stored_;                   ///< what the control word reports, in the same order
-  std::uint64_t data_generation_ = 0;  ///< of the state after the newest frame with data
+  LinkState state_;             ///< the configured channels first, in their order
+  LinkState stored_;            ///< what the control word reports, in the same order
+  bool flags_changed_ = false;  ///< since the last generation
+  TelecommandAge age_;
+  MonotonicTime now_;  ///< of the octets
   bool buffer_available_ = true;
   std::size_t clcw_turn_ = 0;
   UplinkCounters counters_;
-  std::vector<SecurityFinding> findings_;
   std::vector<UplinkedPacket> refused_;
 };
 

@@ -494,7 +494,8 @@ TEST(NodeParameters, ThatTouchLinkOrTickAreGuardedAsTheNodesKnowIt) {
     known.push_back(std::string(parameter.node) + "." + std::string(parameter.name));
   EXPECT_EQ(guarded, known);
   EXPECT_THAT(guarded, testing::UnorderedElementsAre("timing.tick_period_ms", "timing.late_tick_ms",
-                                                     "ttc.beacon_period_ms", "ttc.repeat_window_ms"));
+                                                     "ttc.beacon_period_ms", "ttc.repeat_window_ms",
+                                                     "ttc.telecommand_lifetime_s"));
 }
 
 TEST(NodeParameters, AreWrittenInTheTypeOfTheParameterNamedBefore) {
