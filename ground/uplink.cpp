@@ -5,9 +5,9 @@
 #include <algorithm>
 #include <cerrno>
 
-#include <sys/random.h>
-
 #include <fmt/format.h>
+#include <sys/random.h>
+#include <sys/stat.h>
 #include <nlohmann/json.hpp>
 
 #include "base/file.hpp"
@@ -19,8 +19,13 @@ namespace {
 constexpr std::uint16_t sequence_modulus = 0x4000;
 constexpr milliseconds clock_slack{60'000};  ///< of files and telecommands, sent at once, and of small steps
 
-/// Hexadecimal digits, a newline behind them allowed.
+/// Hexadecimal digits, a newline behind them allowed, in a file that its owner alone may read.
 Result<wire::SdlsKey, std::string> read_key(const std::filesystem::path& file) {
+  struct stat info {};
+  if (stat(file.c_str(), &info) == 0 && (info.st_mode & 077U) != 0) {
+    return Err(fmt::format("{}: others may read this key (mode {:04o}): chmod 600, or replace it if they did",
+                           file.string(), info.st_mode & 07777U));
+  }
   auto text = read_file(file, 4096);
   if (!text) return Err(text.error().message + " (the simulated spacecraft makes a test key when it starts)");
   while (!text->empty() && (text->back() == '\n' || text->back() == ' ')) text->pop_back();

@@ -8,8 +8,15 @@ namespace srfs::ground {
 
 VarFolder::VarFolder() {
   std::filesystem::create_directories(path() / "keys");
-  std::ofstream(path() / "keys/tc_uplink.key") << test_key << "\n";
-  std::ofstream(path() / "keys/tc_uplink_ad.key") << ad_test_key << "\n";
+  write_key("tc_uplink", std::string(test_key) + "\n");
+  write_key("tc_uplink_ad", std::string(ad_test_key) + "\n");
+}
+
+void VarFolder::write_key(const std::string& name, const std::string& text) const {
+  const auto file = path() / "keys" / (name + ".key");
+  std::ofstream(file) << text;
+  using std::filesystem::perms;
+  std::filesystem::permissions(file, perms::owner_read | perms::owner_write);
 }
 
 }  // namespace srfs::ground

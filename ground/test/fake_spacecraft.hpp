@@ -161,6 +161,8 @@ class VarFolder {
  public:
   VarFolder();
   [[nodiscard]] const std::filesystem::path& path() const { return folder_.path(); }
+  /// VAR/keys/NAME.key, of its owner alone.
+  void write_key(const std::string& name, const std::string& text) const;
 
  private:
   testing_support::TemporaryFolder folder_;

@@ -167,7 +167,6 @@ suite::LinkSettings strict_link() {
 
 TEST(Uplink, OnAStrictLinkEveryCounterCarriesTheTimeAndAllAssociationsHaveOneOrder) {
   const VarFolder var;
-  std::ofstream(var.path() / "keys/tc_uplink_ad.key") << ad_test_key;
   FakeSpacecraft spacecraft(strict_link());
   auto uplink = Uplink::open(strict_link(), var.path(), var.path() / "ground", now, std::nullopt, 7);
   ASSERT_TRUE(uplink) << uplink.error();
@@ -194,7 +193,6 @@ TEST(Uplink, OnAStrictLinkEveryCounterCarriesTheTimeAndAllAssociationsHaveOneOrd
 
 TEST(Uplink, TwoRunsOfOneStationDrawDifferentVectorsOnAStrictLink) {
   const VarFolder var;
-  std::ofstream(var.path() / "keys/tc_uplink_ad.key") << ad_test_key;
   std::set<std::uint32_t> senders;
   for (int run = 0; run < 3; ++run) {  // at one time, each with the folder as it was at first
     std::filesystem::remove_all(var.path() / "ground");
@@ -225,7 +223,7 @@ std::uint16_t spi_of(const OutgoingTelecommand& telecommand) {
 
 TEST(Uplink, SwitchesItsKeysAndCountsEachOfThemOverRuns) {
   const VarFolder var;
-  std::ofstream(var.path() / "keys/b.key") << std::string(64, 'b');
+  var.write_key("b", std::string(64, 'b'));
   const auto open = [&](std::optional<suite::AssociationSet> forced = std::nullopt) {
     return Uplink::open(link_with_sets(), var.path(), var.path() / "ground", now, forced);
   };
@@ -254,7 +252,7 @@ TEST(Uplink, SwitchesItsKeysAndCountsEachOfThemOverRuns) {
   EXPECT_EQ(*telecommand->security_counter, of_a + 1);
 
   EXPECT_FALSE(open(suite::AssociationSet::contingency));
-  std::ofstream(var.path() / "keys/c.key") << std::string(64, 'c');
+  var.write_key("c", std::string(64, 'c'));
   auto contingency = open(suite::AssociationSet::contingency);
   ASSERT_TRUE(contingency) << contingency.error();
   EXPECT_EQ(contingency->select(suite::AssociationSet::b).value(), false) << "from the next run on";
@@ -288,7 +286,13 @@ TEST(Uplink, SaysWhatIsWrongWithItsFiles) {
   EXPECT_THAT(bad_key.error(), HasSubstr("expected a link key of 64 hexadecimal digits"));
   EXPECT_THAT(bad_key.error(), testing::Not(HasSubstr("secret")));
 
-  std::filesystem::remove(var.path() / "keys/tc_uplink.key");
+  const auto key_file = var.path() / "keys/tc_uplink.key";
+  std::filesystem::permissions(key_file, std::filesystem::perms::group_read,
+                               std::filesystem::perm_options::add);
+  EXPECT_THAT(Uplink::open(secured_link(), var.path(), var.path() / "ground", now).error(),
+              HasSubstr("others may read this key (mode 0640): chmod 600"));
+
+  std::filesystem::remove(key_file);
   EXPECT_THAT(Uplink::open(secured_link(), var.path(), var.path() / "ground", now).error(),
               HasSubstr("makes a test key"));
 }
