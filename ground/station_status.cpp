@@ -14,14 +14,34 @@ namespace {
 
 constexpr std::size_t limits_shown = 8;
 
-/// The text of a field of the newest beacon; empty: it has none, or there is no beacon.
-std::string beacon_text(const StationStatus& status, const std::string& field) {
-  const auto* beacon = status.latest.structure("beacon");
-  if (beacon == nullptr) return "";
-  for (const auto& of : beacon->report.fields) {
+/// The text of a field of the newest report of a structure; empty: it has none, or there is no report.
+std::string field_text(const StationStatus& status, const char* structure, const std::string& field) {
+  const auto* newest = status.latest.structure(structure);
+  if (newest == nullptr) return "";
+  for (const auto& of : newest->report.fields) {
     if (of.name == field) return for_terminal(of.text);
   }
   return "";
+}
+
+std::string beacon_text(const StationStatus& status, const std::string& field) {
+  return field_text(status, "beacon", field);
+}
+
+/// What the suite was started with; whether srfs_rescue speaks in its place.
+std::string step_line(const StationStatus& status, UtcTime now) {
+  const auto* newest = status.latest.structure("boot_step");
+  if (newest == nullptr) return "";
+  const auto text = [&](const char* field) { return field_text(status, "boot_step", field); };
+  const bool in_rescue = text("in_rescue") == "true";
+  std::string line =
+      fmt::format("{:<18} {}{}, cause {}", "start", in_rescue ? "SRFS_RESCUE SPEAKS, step " : "step ",
+                  text("step"), text("cause"));
+  if (const auto starts = text("unhealthy_starts"); starts != "0")
+    line += fmt::format(", {} unhealthy starts", starts);
+  if (const auto detail = text("detail"); !detail.empty()) line += fmt::format(": {}", detail);
+  if (in_rescue) line += fmt::format("; it tries the suite in {} s", text("suite_in_s"));
+  return line + fmt::format(" ({} ago)\n", age_text(now - newest->received));
 }
 
 std::string server_lines(const ServerStatus& server) {
@@ -89,6 +109,7 @@ std::string to_lines(const StationStatus& status, const mission::Dictionary& dic
   } else {
     lines += fmt::format("{:<18} no beacon yet\n", "mode");
   }
+  lines += step_line(status, now);
   const auto out = status.latest.rows("", true);
   lines += fmt::format("{:<18} {}\n", "limits out", out.empty() ? "none" : std::to_string(out.size()));
   for (std::size_t i = 0; i < std::min(out.size(), limits_shown); ++i)
@@ -106,6 +127,7 @@ nlohmann::json to_json(const StationStatus& status, const mission::Dictionary& d
   nlohmann::json json{{"type", "station"},
                       {"server", nullptr},
                       {"beacon", nullptr},
+                      {"boot_step", nullptr},
                       {"limits_out", nlohmann::json::array()},
                       {"last_telecommand", nullptr},
                       {"last_contact", nullptr},
@@ -119,6 +141,10 @@ nlohmann::json to_json(const StationStatus& status, const mission::Dictionary& d
   if (const auto* beacon = status.latest.structure("beacon")) {
     json["beacon"] = to_json(beacon->report);
     json["beacon"]["received"] = to_iso8601(beacon->received);
+  }
+  if (const auto* step = status.latest.structure("boot_step")) {
+    json["boot_step"] = to_json(step->report);
+    json["boot_step"]["received"] = to_iso8601(step->received);
   }
   for (const auto& row : status.latest.rows("", true))
     json["limits_out"].push_back({{"parameter", row.parameter},

@@ -110,6 +110,21 @@ Slot read_slot(const ConfigSection& section, std::string payload) {
           std::chrono::milliseconds(section.integer("reset_ms", 1, 60000))};
 }
 
+StepPolicy read_step_down(const ConfigSection& section) {
+  StepPolicy policy;
+  const auto starts = [&](std::string_view key, std::uint32_t fallback) {
+    return static_cast<std::uint32_t>(section.integer(key, 1, 1000, fallback));
+  };
+  policy.last_good = starts("last_good", policy.last_good);
+  policy.golden = starts("golden", policy.golden);
+  policy.rescue = starts("rescue", policy.rescue);
+  policy.calm = seconds(section.integer("calm_s", 60, 31'536'000, policy.calm.count()));
+  policy.no_contact = seconds(section.integer("no_contact_s", 10, 31'536'000, policy.no_contact.count()));
+  if (!policy.is_sound()) throw section.bad("rescue", "last_good < golden < rescue");
+  section.finish();
+  return policy;
+}
+
 RingSettings read_ring(const ConfigSection& section) {
   using std::chrono::milliseconds;
   RingSettings ring;
@@ -435,6 +450,7 @@ Deployment Deployment::load(const std::filesystem::path& file) {
   }
   (void)root.has("simulation");  // hw_sim's
   if (root.has("ring")) d.ring = read_ring(root.section("ring"));
+  if (root.has("step_down")) d.step_down = read_step_down(root.section("step_down"));
   if (root.has("modes")) {
     d.modes = read_modes(root.section("modes"));
     if (d.find("ttc") == nullptr) d.modes = {};  // nobody would publish the mode

@@ -13,6 +13,7 @@
 #include "ros/node_names.hpp"
 #include "suite/modes.hpp"
 #include "suite/peripheral.hpp"
+#include "suite/step_policy.hpp"
 
 namespace srfs::suite {
 
@@ -168,6 +169,7 @@ struct Deployment {
   LinkSettings link;
   std::vector<Bus> buses{Bus{}};  ///< the first is that of `slots`, and of added nodes
   RingSettings ring;
+  StepPolicy step_down;          ///< of what starts the suite
   ModeSettings modes;            ///< with critical nodes: those of the ring unless the file says
   std::vector<NodeEntry> nodes;  ///< in start order
   /// Those of the nodes, and those on the bus whose node may be added. No two at one place.

@@ -17,6 +17,7 @@
 #include "base/time.hpp"
 #include "suite/boot_store.hpp"
 #include "suite/parameter_store.hpp"
+#include "suite/step_down.hpp"
 
 namespace srfs::suite {
 namespace {
@@ -193,6 +194,8 @@ void begin_suite_start(const VarPaths& var, const Deployment& deployment) {
 void forget_suite_starts(const VarPaths& var) {
   if (const auto removed = remove_durably(count_file(var)); !removed)
     log::error("{}", removed.error().message);
+  if (const auto problem = StepStore(var.boot()).change(on_healthy); !problem.empty())
+    log::error("the starts of the suite are still counted: {}", problem);
 }
 
 }  // namespace srfs::suite

@@ -14,6 +14,7 @@
 #include "nodes/maintenance/update_line.hpp"
 #include "suite/mission_time.hpp"
 #include "suite/set_aside.hpp"
+#include "suite/step_down.hpp"
 
 namespace srfs {
 namespace {
@@ -59,6 +60,7 @@ void MaintenanceNode::report_set_aside() {
       set_aside_report_period,
       [this] {
         if (!is_heard_by_ttc()) return;
+        report_step();
         (void)worker_->ask([paths = var()] { return suite::read_set_aside_note(paths); },
                            [this](const std::optional<suite::SetAsideNote>& note) {
                              set_aside_report_.reset();
@@ -74,6 +76,25 @@ void MaintenanceNode::report_set_aside() {
                            });
       },
       "orders set aside");
+}
+
+void MaintenanceNode::report_step() {
+  (void)worker_->ask(
+      [boot = var().boot()] { return suite::StepStore(boot).read(); },
+      [this](const suite::StepRecord& record) {
+        if (record.reported) return;
+        raise(mission::SuiteSteppedDownEvent{.step = static_cast<mission::BootStep>(record.step),
+                                             .cause = static_cast<mission::BootStepCause>(record.cause),
+                                             .starts = record.unhealthy_starts(),
+                                             .set_aside = record.set_aside});
+        (void)worker_->post([boot = var().boot()] {
+          const auto problem = suite::StepStore(boot).change([](suite::StepRecord r) {
+            r.reported = true;
+            return r;
+          });
+          if (!problem.empty()) log::error("{}", problem);
+        });
+      });
 }
 
 CallbackReturn MaintenanceNode::on_cleanup() {

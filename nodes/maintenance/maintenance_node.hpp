@@ -56,6 +56,7 @@ class MaintenanceNode : public CommandedNode {
   void run(SuiteActions actions);
 
   void report_set_aside();
+  void report_step();
 
   // Telecommands
   void carry_out(const AnswerTelecommand& action);

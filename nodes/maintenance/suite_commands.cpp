@@ -113,6 +113,7 @@ constexpr std::array handlers{
     on<mission::RingRelease>(itself),
     on<mission::RingReleaseInactive>(itself),
     on<mission::RingRestoreOrders>(itself),
+    on<mission::BootStepUp>(itself),
     on<mission::RingReportFaults>(itself),
     on<mission::NodeSetLogLevel>(set_log_level),
     on<mission::NodeSendReport>(send_report),

@@ -73,11 +73,11 @@ struct LogFailure {
 
 using SuiteAction =
     std::variant<AnswerTelecommand, mission::RingHold, mission::RingRelease, mission::RingReleaseInactive,
-                 mission::RingRestoreOrders, mission::RingReportFaults, SendCrashReport, UseVersion,
-                 ConfirmVersion, mission::NodeRemoveVersion, mission::NodeReportVersions, mission::NodeRemove,
-                 SetLogLevel, SaveNodeParameters, mission::PackageInstall, mission::PackageCancel,
-                 mission::PackageReport, RunScrubbing, mission::ScrubReport, SendLines,
-                 ReportQueuedForDownlink, ReportParametersRefused, LogFailure, EndOwnProcess>;
+                 mission::RingRestoreOrders, mission::BootStepUp, mission::RingReportFaults, SendCrashReport,
+                 UseVersion, ConfirmVersion, mission::NodeRemoveVersion, mission::NodeReportVersions,
+                 mission::NodeRemove, SetLogLevel, SaveNodeParameters, mission::PackageInstall,
+                 mission::PackageCancel, mission::PackageReport, RunScrubbing, mission::ScrubReport,
+                 SendLines, ReportQueuedForDownlink, ReportParametersRefused, LogFailure, EndOwnProcess>;
 using SuiteActions = std::vector<SuiteAction>;
 
 /// Why a telecommand is refused; mission::failure::none: it is not. Pure.

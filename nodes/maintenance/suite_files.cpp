@@ -14,6 +14,7 @@
 #include "suite/node_versions.hpp"
 #include "suite/ring/node_record.hpp"
 #include "suite/set_aside.hpp"
+#include "suite/step_down.hpp"
 
 namespace srfs {
 namespace {
@@ -72,6 +73,13 @@ SuiteActions perform(const mission::RingRestoreOrders& order, const SuiteFiles& 
   const auto restored = suite::restore_orders(suite.var, order.node);
   if (!restored) return failed(restored.error());
   return {AnswerTelecommand{*restored ? mission::failure::none : mission::failure::nothing_set_aside}};
+}
+
+SuiteActions perform(const mission::BootStepUp& /*order*/, const SuiteFiles& suite) {
+  const auto problem = suite::StepStore(suite.var.boot()).change([](suite::StepRecord record) {
+    return suite::on_commanded(std::move(record), suite::BootStep::normal);
+  });
+  return problem.empty() ? SuiteActions{AnswerTelecommand{}} : failed(problem);
 }
 
 SuiteActions perform(const mission::RingReportFaults& order, const SuiteFiles& suite) {

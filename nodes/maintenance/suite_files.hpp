@@ -27,6 +27,7 @@ struct SuiteFiles {
 [[nodiscard]] SuiteActions perform(const mission::RingRelease& order, const SuiteFiles& suite);
 [[nodiscard]] SuiteActions perform(const mission::RingReleaseInactive& order, const SuiteFiles& suite);
 [[nodiscard]] SuiteActions perform(const mission::RingRestoreOrders& order, const SuiteFiles& suite);
+[[nodiscard]] SuiteActions perform(const mission::BootStepUp& order, const SuiteFiles& suite);
 [[nodiscard]] SuiteActions perform(const mission::RingReportFaults& order, const SuiteFiles& suite);
 [[nodiscard]] SuiteActions perform(const SendCrashReport& order, const SuiteFiles& suite);
 [[nodiscard]] SuiteActions perform(const UseVersion& order, const SuiteFiles& suite);

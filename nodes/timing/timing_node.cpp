@@ -15,6 +15,7 @@
 #include "suite/commanding/command_set.hpp"
 #include "suite/mission_time.hpp"
 #include "suite/set_aside.hpp"
+#include "suite/step_down.hpp"
 
 namespace srfs {
 namespace {
@@ -507,6 +508,16 @@ void TimingNode::carry_out(const SaveBootRecord& action) {
 /// Without room the next boot still sees that this one was healthy.
 void TimingNode::carry_out(const NoteHealthySuite& /*action*/) {
   if (worker_) (void)worker_->post([var = var()] { suite::forget_suite_starts(var); });
+  calm_timer_ = create_one_shot(
+      monotonic_now() + deployment().step_down.calm,
+      [this] {
+        if (!worker_) return;
+        (void)worker_->post([boot = var().boot()] {
+          if (const auto problem = suite::StepStore(boot).change(suite::on_calm); !problem.empty())
+            log::error("the step of the start stays as it is: {}", problem);
+        });
+      },
+      "calm");
 }
 
 void TimingNode::feed_watchdog() {

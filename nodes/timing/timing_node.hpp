@@ -108,6 +108,7 @@ class TimingNode : public CommandedNode {
   ros::Timer feed_timer_;
   ros::Timer housekeeping_timer_;
   ros::Timer save_timer_;
+  ros::Timer calm_timer_;  ///< the suite is healthy for long: one step up
 
   std::unique_ptr<hw::KernelClock> kernel_;  ///< these two where the system clock is disciplined
   SystemClockDiscipline* system_clock_ = nullptr;

@@ -48,6 +48,7 @@
 #include "nodes/ttc/spacecraft_clock.hpp"
 #include "nodes/ttc/store/packet_stores.hpp"
 #include "nodes/ttc/store/store_control.hpp"
+#include "suite/step_down.hpp"
 
 namespace srfs {
 
@@ -210,6 +211,7 @@ class TtcCore {
     FoundTable event_actions{};
     KeySelection keys;
     BootTold boot;
+    suite::StepRecord step{};  ///< of the start
     SpacecraftClock clock;
     milliseconds persist_deadline{1000};
     milliseconds schedule_late_max{60'000};
@@ -320,6 +322,8 @@ class TtcCore {
   [[nodiscard]] suite::ModeReaction reaction() const { return causes_.reaction(mode_.mode(), node_); }
   /// One report of mode, why, and what comes next.
   void send_health(MonotonicTime now);
+  /// Beside each health.
+  void send_boot_step(MonotonicTime now);
   void set_command_loss(seconds patience) { command_loss_.set_patience(patience); }
 
   // ---- periodic
@@ -478,6 +482,7 @@ class TtcCore {
   ModeService mode_service_;
   ArmingService arming_;
   KeyService key_service_;
+  RescueService rescue_service_;
   TransmitterService transmitter_service_;
   TimeReporter time_reports_;
   ScheduleService schedule_;
@@ -512,6 +517,8 @@ class TtcCore {
   std::size_t journal_damaged_octets_ = 0;
   std::string journal_damage_;
   BootTold boot_;
+  suite::StepRecord step_;
+  MonotonicTime begun_;
   std::uint64_t cycle_ = 0;
   bool first_start_ = false;
   FloorWanted floor_wanted_ = FloorWanted::no;

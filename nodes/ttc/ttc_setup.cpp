@@ -14,6 +14,7 @@
 #include "base/known_key.hpp"
 #include "nodes/ttc/ttc_node.hpp"
 #include "suite/boot_store.hpp"
+#include "suite/step_down.hpp"
 
 namespace srfs {
 namespace {
@@ -260,6 +261,7 @@ TtcCore::Setup TtcNode::read_setup(StoredState& state, const FrameCountFile& fra
       .event_actions = state.load_table(EventActionService::table_name),
       .keys = std::move(keys),
       .boot = load_boot(var()),
+      .step = suite::StepStore(var().boot()).read(),
       .clock = SpacecraftClock(system_utc_now(), monotonic_now()),
       .persist_deadline = parameter("persist_deadline_ms"),
       .schedule_late_max = parameter("schedule_late_max_ms"),

@@ -564,13 +564,31 @@ void TtcCore::send_health(MonotonicTime now) {
   std::copy_n(obeys.begin(), h.node_obeys.size(), h.node_obeys.begin());
   const auto shed = causes_.settings().shed.find(causes_.name_of(mode_.mode()));
   if (shed != causes_.settings().shed.end()) h.shed = shed->second;
-  h.present = excerpt(causes_.present_text(), most_health_text);
+  std::string present = causes_.present_text();
+  if (step_.step != suite::BootStep::normal)
+    present = fmt::format("start step {}{}{}", to_text(step_.step), present.empty() ? "" : ", ", present);
+  h.present = excerpt(present, most_health_text);
   h.next = excerpt(causes_.way_back(mode_), most_health_text);
   if (h.next.empty()) {
     const auto next_s = as_u32(static_cast<std::uint64_t>(command_loss_.until_next(now) / seconds(1)));
     h.next = fmt::format("command loss: {}", to_text(command_loss_.next_step()));
     h.next_in_s = next_s;
   }
+  send_housekeeping(h, now);
+  send_boot_step(now);
+}
+
+void TtcCore::send_boot_step(MonotonicTime now) {
+  mission::BootStepHousekeeping h;
+  h.step = static_cast<mission::BootStep>(step_.step);
+  h.cause = static_cast<mission::BootStepCause>(step_.cause);
+  h.unhealthy_starts = step_.unhealthy_starts();
+  h.set_aside = step_.set_aside;
+  h.detail = step_.detail;
+  h.uptime_s = as_u32(static_cast<std::uint64_t>((now - begun_) / seconds(1)));
+  h.suite_in_s = UINT32_MAX;
+  h.storage_writable = remembered_.journal_durable;
+  h.free_mib = store_status_.free_mib;
   send_housekeeping(h, now);
 }
 

@@ -17,6 +17,7 @@
 #include "programs/srfs/new_commands.hpp"
 #include "programs/srfs/node_commands.hpp"
 #include "programs/srfs/observer.hpp"
+#include "programs/srfs/rescue_commands.hpp"
 #include "programs/srfs/ring_commands.hpp"
 #include "programs/srfs/suite.hpp"
 #include "programs/srfs/topic_commands.hpp"
@@ -397,6 +398,28 @@ void add_ring_commands(CLI::App& app, RingArguments& a, CommandLine& line) {
   on(release, line, [&](const Target& target) { return release_node(target, a.node, a.state, line.json); });
 }
 
+/// Of `srfs rescue`.
+struct RescueArguments {
+  std::vector<std::string> folders;
+  bool up = false;
+};
+
+void add_rescue_commands(CLI::App& app, RescueArguments& a, CommandLine& line) {
+  CLI::App* rescue = app.add_subcommand("rescue", "The program that answers when the suite cannot start");
+  rescue->require_subcommand(1);
+  CLI::App* prepare = rescue->add_subcommand("prepare",
+                                             "Fill folders with srfs_rescue, its settings (keys included) "
+                                             "and their digests: again after each change "
+                                             "of the deployment's link or keys");
+  prepare->add_option("--into", a.folders, "Folder; two, on different partitions where there are some")
+      ->required()
+      ->expected(1, 4);
+  on(prepare, line, [&](const Target& target) { return prepare_rescue(target, a.folders, line.json); });
+  CLI::App* step = rescue->add_subcommand("step", "Show in which step the suite was started, and why");
+  step->add_flag("--up", a.up, "The next start is a normal one again");
+  on(step, line, [&](const Target& target) { return show_step(target, a.up, line.json); });
+}
+
 /// Of `srfs versions`.
 struct VersionArguments {
   std::string node;
@@ -542,6 +565,7 @@ int run(int argc, char** argv) {
   ObserverArguments observer;
   ParameterArguments parameters;
   RingArguments ring;
+  RescueArguments rescue;
   VersionArguments versions;
   NodeArguments nodes;
   NewOrder new_order;
@@ -551,6 +575,7 @@ int run(int argc, char** argv) {
   add_stats(app, observer, line);
   add_parameter_commands(app, parameters, line);
   add_ring_commands(app, ring, line);
+  add_rescue_commands(app, rescue, line);
   add_version_commands(app, versions, line);
   add_node_commands(app, nodes, line);
   add_new(app, new_order, line);

@@ -38,10 +38,11 @@ class DebianPackageTest(unittest.TestCase):
     def test_what_a_board_needs_is_in_it(self):
         programs = {p.name for p in (self.root / "opt/srfs/bin").iterdir()}
         nodes = re.findall(r"executable: (\w+)", (ROOT / "launch_config/board_rk3568.yaml").read_text())
-        self.assertLessEqual({"srfs", "srfs-lane", "srfs-ground", "srfs-product", "hw_sim", *nodes}, programs)
+        self.assertLessEqual({"srfs", "srfs-lane", "srfs-ground", "srfs-product", "srfs_rescue", "hw_sim", *nodes}, programs)
         for path in (
             "opt/srfs/lib/libsrfs_ros.so.0",
             "opt/srfs/lib/libsrfs_suite.so.0",
+            "opt/srfs/lib/srfs-start",
             "opt/srfs/lib/cmake/srfs/srfsConfig.cmake",
             "opt/srfs/include/srfs/suite/node.hpp",
             "opt/srfs/share/srfs/node_build.json",

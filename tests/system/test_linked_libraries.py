@@ -25,6 +25,7 @@ MAY_LOAD = {
         "timing", "can_switcher", "payload_adcs", "payload_eps", "payload_thermal", "payload_idle", "ttc", "image_acquisition", "maintenance")},
     "image_processing": EVERY | MIDDLEWARE | UPDATE | DEVICES | {"libpng16", "libaec"},  # thumbnails, strips
     "srfs-lane": EVERY | UPDATE,
+    "srfs_rescue": set(),  # it must run when libraries are damaged
     "srfs": EVERY | MIDDLEWARE | UPDATE | DEVICES | RECORDINGS,
 }  # fmt: skip
 # Decoders of photographs, and what cfitsio brings: for programs on the ground.

@@ -108,6 +108,16 @@ void KeyService::execute(const Telecommand& telecommand, MonotonicTime /*now*/) 
   }
 }
 
+// ---- rescue
+
+bool RescueService::provides(const mission::Command& command) const {
+  return command.name.starts_with("rescue.");
+}
+
+void RescueService::execute(const Telecommand& telecommand, MonotonicTime /*now*/) {
+  report_queue_.failure(telecommand.origin, Stage::start, mission::failure::suite_runs);
+}
+
 // ---- transmitter
 
 bool TransmitterService::provides(const mission::Command& command) const {

@@ -89,6 +89,18 @@ class KeyService final : public StoredChangeService<KeyChange> {
   const AvailableKeySets& available_;
 };
 
+/// rescue.*: what srfs_rescue does in the place of ttc. While ttc runs they are refused.
+class RescueService final : public PusService {
+ public:
+  explicit RescueService(ReportQueue& report_queue) : report_queue_(report_queue) {}
+
+  [[nodiscard]] bool provides(const mission::Command& command) const override;
+  void execute(const Telecommand& telecommand, MonotonicTime now) override;
+
+ private:
+  ReportQueue& report_queue_;
+};
+
 /// The transmitter was switched.
 struct TransmitterChange {
   TelecommandOrigin origin;

@@ -7,7 +7,7 @@ import random
 import shutil
 
 from srfs import program
-from srfs.campaign import faults, fencing, overload, strangers, updates
+from srfs.campaign import faults, fencing, overload, rescue, strangers, updates
 from srfs.flight import deployments, mission
 from srfs.flight.deployments import NODES
 from srfs.flight.processes import StopSignals
@@ -18,13 +18,14 @@ from srfs.report import show_checks
 def parse():
     parser = argparse.ArgumentParser(prog="./run campaign", description="Long runs of the real processes under faults. "
                                      "Exit code 0 only if every invariant held.")  # fmt: skip
-    parser.add_argument("name", nargs="?", default="faults", choices=("faults", "fencing", "updates", "overload", "commandability", "strangers"),
+    parser.add_argument("name", nargs="?", default="faults", choices=("faults", "fencing", "updates", "overload", "commandability", "strangers", "rescue"),
                         help="faults (default): every class of failure in every node, healed by the ring; "
                         "fencing: processes are stopped and killed at random points of their CAN slots; "
                         "updates: packages of sources in a row, a third of them bad, with processes killed; "
                         "overload: beside programs that take the CPUs: who waits for one is not dead, who is dead is found; "
                         "commandability: every telecommand, parameter and lifecycle order: the satellite can still be commanded; "
-                        "strangers: participants outside the suite flood its topics")  # fmt: skip
+                        "strangers: participants outside the suite flood its topics; "
+                        "rescue: files damaged at random: suite or srfs_rescue answers, and telecommands bring all nodes back")  # fmt: skip
     parser.add_argument("--seed", type=int, metavar="S", help="of the faults (default: a random one, which is printed)")
     program.add_run_options(parser, "campaign", "sim for faults, fencing for fencing")
     ring = parser.add_argument_group("faults")
@@ -57,6 +58,8 @@ def parse():
     outside.add_argument("--seconds", type=float, default=60, metavar="S", help="of the calm and of the flood (default: %(default)s)")
     outside.add_argument("--settle", type=float, default=strangers.SETTLE_S, metavar="S", help="afterwards, until memory is read (default: %(default)s)")
     outside.add_argument("--roles", default=",".join(strangers.ROLES), metavar="R[,R]", help="what they send (default: %(default)s)")
+    wrecks = parser.add_argument_group("rescue")
+    wrecks.add_argument("--trials", type=int, default=20, metavar="N", help="damaged suites, with the seeds S, S + 1... (default: %(default)s)")
     options = parser.parse_args()
     known = {c.name: c for c in faults.CLASSES}
     wanted = {None: list(known), "all": list(known), "none": []}.get(options.classes, (options.classes or "").split(","))
@@ -214,6 +217,17 @@ def run_strangers(options, out, seed, signals, say):
     return summary, lambda: None
 
 
+def run_rescue(options, out, seed, signals, say):
+    campaign = rescue.Campaign(out, options.bin, say)
+    for number in range(options.trials):
+        if signals.wait(0):
+            break
+        trial = campaign.trial(seed + number)
+        say(f"{number + 1} of {options.trials}: {len(trial['damaged'])} files damaged, {trial['answered']} answers after {trial['starts']} starts, "
+            + (trial["problem"][:200] or f"all nodes Active after {trial['took_s']:.0f} s"))  # fmt: skip
+    return campaign.judge(), lambda: None
+
+
 def show_commandability(summary):
     for kind, count in summary["kinds"].items():
         print(f"  {count:5} {kind}")
@@ -226,7 +240,7 @@ def show_commandability(summary):
 
 
 RUNS = {"faults": (run_faults, faults.show), "fencing": (run_fencing, show_fencing), "updates": (run_updates, updates.show), "overload": (run_overload, faults.show),
-        "commandability": (run_commandability, show_commandability), "strangers": (run_strangers, strangers.show)}  # fmt: skip
+        "commandability": (run_commandability, show_commandability), "strangers": (run_strangers, strangers.show), "rescue": (run_rescue, rescue.show)}  # fmt: skip
 
 
 def main():

@@ -25,6 +25,7 @@ MAY_USE = {
     "programs/detect": {"base", "image"},
     "programs/product": {"base", "image"},
     "programs/lane": {"base", "update"},
+    "programs/rescue": {"base", "wire", "cfdp", "hw", "suite", "update", "mission", "nodes/ttc"},
     "programs/srfs": {"base", "hw", "mcap", "ros", "suite", "update", "msgs/mission", "srfs_msgs"},
 }
 OF_NODES = {"base", "wire", "cfdp", "hw", "image", "ros", "suite", "update", "mission", "msgs/mission", "srfs_msgs"}

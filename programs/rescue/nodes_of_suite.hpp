@@ -1,0 +1,23 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <filesystem>
+#include <string>
+#include <vector>
+
+#include "base/time.hpp"
+
+namespace srfs::rescue {
+
+/// Whether any process holds an instance lock of VAR/run: a node runs.
+[[nodiscard]] bool suite_runs(const std::filesystem::path& var);
+/// Sets the stopping flag, so that nothing revives a node, and kills (SIGKILL) the holders of the instance
+/// locks. Blocks for three seconds at most. @return whether none is left
+bool end_suite(const std::filesystem::path& var);
+
+/// Runs a program that has this process' standard output. Blocks until it ends, @p limit at most; then it is
+/// killed. @return empty: exit code 0 or 1 (some nodes came, the ring goes on); else what went wrong
+[[nodiscard]] std::string run_program(const std::vector<std::string>& command, nanoseconds limit);
+
+}  // namespace srfs::rescue

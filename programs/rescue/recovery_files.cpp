@@ -1,0 +1,366 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
+#include "programs/rescue/recovery_files.hpp"
+
+#include <algorithm>
+#include <array>
+#include <set>
+
+#include <fcntl.h>
+#include <fmt/format.h>
+#include <sys/stat.h>
+#include <sys/statvfs.h>
+#include <unistd.h>
+
+#include "base/fd.hpp"
+#include "base/file.hpp"
+#include "base/log.hpp"
+#include "base/sha256.hpp"
+#include "base/text.hpp"
+#include "base/time.hpp"
+#include "cfdp/file_tree.hpp"
+#include "nodes/ttc/link/link_state_file.hpp"
+#include "programs/rescue/link_store.hpp"
+#include "update/build_id.hpp"
+#include "update/golden_manifest.hpp"
+#include "update/version_store.hpp"
+
+namespace srfs::rescue {
+namespace {
+
+namespace fs = std::filesystem;
+using mission::RescuePart;
+namespace failure = mission::failure;
+
+constexpr std::size_t most_entries = 4096;  // of a folder that is looked through
+constexpr std::size_t largest_manifest = 1U << 20;
+/// Folders of VAR whose files may go down. Keys lie in others, and golden copies of keys.
+const std::set<std::string, std::less<>> may_leave{"log",      "state",     "store",  "files",
+                                                   "versions", "set_aside", "images", "run"};
+constexpr std::array operators_files{"parameters.yaml", "hold", "desired_state"};
+
+FilesFailure disk_failure(std::string text) {
+  return {failure::disk_failed, std::move(text)};
+}
+
+/// Names in a folder, in order; none: there is no such folder, or it cannot be read.
+std::vector<std::string> names_in(const fs::path& folder) {
+  std::vector<std::string> names;
+  std::error_code ec;
+  for (fs::directory_iterator it(folder, ec), end; !ec && it != end && names.size() < most_entries;
+       it.increment(ec))
+    names.push_back(it->path().filename().string());
+  std::sort(names.begin(), names.end());
+  return names;
+}
+
+Result<void, std::string> sync_folder(const fs::path& folder) {
+  const Fd fd(open(folder.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC));
+  if (!fd || fsync(fd.get()) != 0) return Err(folder.string() + ": cannot be synced");
+  return {};
+}
+
+/// The state of the nodes that a reset of it never touches: counters, keys, numbers that go up.
+bool is_counter(const fs::path& below_state) {
+  static const std::set<std::string> of_ttc{"telecommands.0", "telecommands.1", "link_state",
+                                            "counters_lost",  "frame_counts",   "command_loss",
+                                            "key_selection"};
+  const auto node = below_state.begin()->string();
+  const auto name = below_state.filename().string();
+  if (node == "boot" || name.starts_with("incarnation")) return true;
+  if (node != "ttc") return false;
+  return of_ttc.contains(name) || name.starts_with("key_selection");
+}
+
+struct Replacement {
+  std::string sha256;  ///< of the octets that must come out; empty: whatever is there
+  mode_t mode = 0644;
+};
+
+/// A regular file; nothing else is opened, and no link followed.
+Fd open_plain(const fs::path& file) {
+  Fd fd(open(file.c_str(), O_RDONLY | O_CLOEXEC | O_NOFOLLOW | O_NONBLOCK));
+  struct stat info {};
+  if (!fd || fstat(fd.get(), &info) != 0 || !S_ISREG(info.st_mode)) return Fd();
+  return fd;
+}
+
+/// Puts a copy of what is open in the place of @p to: complete or not at all.
+Result<void, std::string> replace_by_copy(const Fd& in, const fs::path& to, const Replacement& wanted) {
+  if (!in || lseek(in.get(), 0, SEEK_SET) != 0)
+    return Err(std::string("what is to be copied cannot be read"));
+  std::error_code ec;
+  fs::create_directories(to.parent_path(), ec);
+  const fs::path temporary = to.string() + ".rescue";
+  unlink(temporary.c_str());
+  const Fd out(open(temporary.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0600));
+  if (!out) return Err(temporary.string() + ": cannot be written");
+  const auto give_up = [&](const std::string& why) {
+    unlink(temporary.c_str());
+    return Err(why);
+  };
+  Sha256 digest;
+  std::array<std::uint8_t, 65536> part{};
+  while (true) {
+    const ssize_t got = read(in.get(), part.data(), part.size());
+    if (got < 0) return give_up("what is to be copied cannot be read");
+    if (got == 0) break;
+    const OctetView octets(part.data(), static_cast<std::size_t>(got));
+    digest.update(octets);
+    if (write(out.get(), octets.data(), octets.size()) != got)
+      return give_up(temporary.string() + ": no room");
+  }
+  if (!wanted.sha256.empty() && to_digits(digest.finish()) != wanted.sha256)
+    return give_up("its golden copy is damaged, too");
+  if (fchmod(out.get(), wanted.mode) != 0 || fsync(out.get()) != 0 ||
+      rename(temporary.c_str(), to.c_str()) != 0)
+    return give_up(to.string() + ": cannot be replaced");
+  return sync_folder(to.parent_path());
+}
+
+std::optional<update::FoundFile> look_at(const fs::path& path) {
+  struct stat info {};
+  if (stat(path.c_str(), &info) != 0 || !S_ISREG(info.st_mode)) return std::nullopt;
+  const auto digest = update::digest_of(path);
+  if (!digest) return std::nullopt;
+  return update::FoundFile{.sha256 = digest->sha256,
+                           .octets = digest->octets,
+                           .modified_ns = info.st_mtim.tv_sec * 1'000'000'000 + info.st_mtim.tv_nsec,
+                           .build_id = update::build_id_of(path),
+                           .settled = true};
+}
+
+std::optional<update::GoldenManifest> read_manifest(const fs::path& folder) {
+  std::optional<update::GoldenManifest> newest;
+  for (const char* name : {"manifest_a", "manifest_b"}) {
+    const auto text = read_file(folder / name, largest_manifest);
+    auto found = text ? update::decode_golden(*text) : std::nullopt;
+    if (found && (!newest || found->revision > newest->revision)) newest = std::move(found);
+  }
+  return newest;
+}
+
+}  // namespace
+
+// ---------------------------------------------------------------- out of the way
+
+FilesResult<bool> RecoveryFiles::move_aside(const fs::path& relative, std::uint32_t number) const {
+  const fs::path from = var_ / relative;
+  const fs::path to = var_ / "set_aside" / std::to_string(number) / relative;
+  struct stat info {};
+  if (lstat(from.c_str(), &info) != 0) return false;
+  std::error_code ec;
+  fs::create_directories(to.parent_path(), ec);
+  // What was set aside in this folder before a cut keeps its place.
+  fs::path free = to;
+  for (int copy = 2; lstat(free.c_str(), &info) == 0 && copy < 100; ++copy)
+    free = fmt::format("{}.{}", to.string(), copy);
+  if (rename(from.c_str(), free.c_str()) != 0)
+    return Err(disk_failure(fmt::format("{}: cannot be set aside: {}", from.string(), errno_text(errno))));
+  for (const fs::path& folder : {to.parent_path(), from.parent_path()}) {
+    if (const auto synced = sync_folder(folder); !synced) return Err(disk_failure(synced.error()));
+  }
+  return true;
+}
+
+FilesResult<std::uint32_t> RecoveryFiles::set_aside(RescuePart part, std::uint32_t number) const {
+  std::vector<fs::path> wanted;
+  const auto add_state = [&](const auto& wants) {
+    for (const std::string& node : names_in(var_ / "state")) {
+      for (const std::string& name : names_in(var_ / "state" / node)) {
+        if (wants(fs::path(node) / name)) wanted.push_back(fs::path("state") / node / name);
+      }
+    }
+  };
+  switch (part) {
+    case RescuePart::versions:
+      wanted.emplace_back("versions");
+      break;
+    case RescuePart::parameters:
+      add_state([](const fs::path& path) {
+        return std::find(operators_files.begin(), operators_files.end(), path.filename()) !=
+               operators_files.end();
+      });
+      break;
+    case RescuePart::stores:
+      wanted.emplace_back("store");
+      break;
+    case RescuePart::state:
+      add_state([](const fs::path& path) { return !is_counter(path); });
+      break;
+    case RescuePart::schedule:
+      // The counters first: with or without the journal, no frame is taken twice.
+      if (const auto carried = LinkStore(var_ / "state" / "ttc").carry_counters_over(); !carried.empty())
+        return Err(disk_failure(carried));
+      wanted = {"state/ttc/telecommands.0", "state/ttc/telecommands.1"};
+      break;
+  }
+  std::uint32_t moved = 0;
+  for (const fs::path& path : wanted) {
+    const auto done = move_aside(path, number);
+    if (!done) return Err(done.error());
+    moved += *done ? 1 : 0;
+  }
+  return moved;
+}
+
+std::string RecoveryFiles::use_last_good_versions() const {
+  std::string problems;
+  for (const std::string& node : names_in(var_ / "versions")) {
+    update::PosixVersionFiles files(var_ / "versions" / node);
+    update::VersionStore store(files, node);
+    const auto table = store.read().table;
+    if (table.active() == table.last_good()) continue;
+    const auto used = store.use(table.last_good(), milliseconds(0), "the suite did not become healthy");
+    if (!used) problems += used.error() + "; ";
+  }
+  return problems;
+}
+
+std::string RecoveryFiles::take_measures(suite::BootStep step, std::uint32_t number) const {
+  if (step == suite::BootStep::last_good) return use_last_good_versions();
+  if (step != suite::BootStep::golden) return "";
+  std::string problems;
+  for (const RescuePart part : {RescuePart::versions, RescuePart::parameters, RescuePart::schedule,
+                                RescuePart::stores, RescuePart::state}) {
+    if (const auto done = set_aside(part, number); !done) problems += done.error().text + "; ";
+  }
+  const auto mended = mend(Mend::damage);
+  if (!mended) return problems + mended.error().text;
+  if (mended->mended > 0)
+    log::warn("{} damaged files were restored from their golden copies", mended->mended);
+  return problems;
+}
+
+// ---------------------------------------------------------------- golden copies
+
+FilesResult<MendCount> RecoveryFiles::mend(Mend what) const {
+  const fs::path folder = var_ / "golden";
+  const auto manifest = read_manifest(folder);
+  if (!manifest)
+    return Err(
+        FilesFailure{failure::file_not_found, "no golden copies: both manifests are missing or damaged"});
+  MendCount count{.files = static_cast<std::uint32_t>(manifest->files.size())};
+  for (const update::GoldenFile& golden : manifest->files) {
+    const auto found = look_at(golden.path);
+    if (found && found->sha256 == golden.sha256) continue;
+    if (what == Mend::damage && judge(golden, found) != update::ScrubVerdict::damaged) continue;
+    const auto mended =
+        replace_by_copy(open_plain(folder / golden.sha256), golden.path,
+                        {.sha256 = golden.sha256, .mode = static_cast<mode_t>(golden.mode & 07777U)});
+    ++(mended ? count.mended : count.left);
+    if (mended) {
+      log::warn("{} was restored from its golden copy", golden.path);
+    } else {
+      log::error("{} differs and is left: {}", golden.path, mended.error());
+    }
+  }
+  return count;
+}
+
+// ---------------------------------------------------------------- files of the ground
+
+FilesResult<fs::path> RecoveryFiles::target_path(const std::string& target) const {
+  const fs::path path(target);
+  const bool plain = std::none_of(path.begin(), path.end(), [](const fs::path& part) {
+    return part == ".." || part == "." || part.empty();
+  });
+  const FilesFailure refused{failure::not_restorable, target + ": not a file of the suite"};
+  if (!plain || path.empty() || path.filename().empty()) return Err(refused);
+  if (path.is_relative()) {
+    const auto first = path.begin()->string();
+    // Never backwards: a replaced counter would let old telecommands in.
+    const bool counter = first == "state" && std::distance(path.begin(), path.end()) > 2 &&
+                         is_counter(path.lexically_relative("state"));
+    if (first == "keys" || first == "set_aside" || counter) return Err(refused);
+    return var_ / path;
+  }
+  const auto below = [&](const fs::path& folder) {
+    const auto relative = path.lexically_relative(folder);
+    return !relative.empty() && *relative.begin() != ".." && relative != ".";
+  };
+  if (path == deployment_ || below(deployment_.parent_path()) || below(prefix_)) return path;
+  return Err(refused);
+}
+
+FilesResult<void> RecoveryFiles::restore(const std::string& file, const std::string& target,
+                                         std::uint32_t number) const {
+  const auto to = target_path(target);
+  if (!to) return Err(to.error());
+  const auto tree = cfdp::FileTree::open(var_ / "files");
+  if (!tree) return Err(disk_failure(tree.error().message));
+  const auto source = tree->open_file(file);
+  if (!source) return Err(FilesFailure{failure::file_not_found, file + ": no such file"});
+  struct stat old {};
+  const bool exists = lstat(to->c_str(), &old) == 0;
+  if (exists && !S_ISREG(old.st_mode))
+    return Err(FilesFailure{failure::not_a_file, to->string() + ": not a file"});
+  if (exists) {
+    const fs::path kept =
+        var_ / "set_aside" / std::to_string(number) /
+        (fs::path(target).is_relative() ? fs::path(target) : fs::path(target).relative_path());
+    if (const auto copied = replace_by_copy(open_plain(*to), kept, {.sha256 = "", .mode = 0600}); !copied)
+      return Err(disk_failure(copied.error()));
+  }
+  // A program stays one; a new file below bin/ or in a version store is one.
+  const bool program = exists ? (old.st_mode & 0111U) != 0 : to->parent_path().filename() == "bin";
+  const mode_t mode = exists ? old.st_mode & 07777U : program ? 0755 : 0644;
+  const auto replaced = replace_by_copy(source->fd, *to, {.sha256 = "", .mode = mode});
+  if (!replaced) return Err(disk_failure(replaced.error()));
+  log::warn("{} was replaced by {}", to->string(), file);
+  return {};
+}
+
+FilesResult<std::string> RecoveryFiles::fetch(const std::string& path) const {
+  if (path.empty() || !may_leave.contains(fs::path(path).begin()->string()))
+    return Err(FilesFailure{failure::not_restorable, path + ": is not fetched"});
+  const auto tree = cfdp::FileTree::open(var_);
+  if (!tree) return Err(disk_failure(tree.error().message));
+  const auto file = tree->open_file(path);
+  if (!file) return Err(FilesFailure{failure::file_not_found, path + ": no such file"});
+  struct stat info {};
+  if (fstat(file->fd.get(), &info) != 0 || !S_ISREG(info.st_mode))
+    return Err(FilesFailure{failure::not_a_file, path + ": not a file"});
+  if (static_cast<std::uint64_t>(info.st_size) > largest_fetched)
+    return Err(FilesFailure{failure::no_space, path + ": too large"});
+  std::string name = path;
+  std::replace(name.begin(), name.end(), '/', '_');
+  // A file that changes while it is sent is not sent: a copy goes down.
+  const auto copied =
+      replace_by_copy(file->fd, var_ / "files" / "outbox" / name, {.sha256 = "", .mode = 0600});
+  if (!copied) return Err(disk_failure(copied.error()));
+  return name;
+}
+
+FilesResult<std::vector<Octets>> RecoveryFiles::list(const std::string& folder) const {
+  const auto tree = cfdp::FileTree::open(var_);
+  if (!tree) return Err(disk_failure(tree.error().message));
+  const auto page = tree->list(folder, "", most_listed);
+  if (!page) return Err(FilesFailure{failure::file_not_found, folder + ": no such folder"});
+  std::vector<Octets> reports;
+  mission::RepositorySummary summary;
+  summary.repository = folder;
+  summary.total = page->total;
+  for (std::size_t i = 0; i < page->entries.size(); ++i) {
+    const cfdp::FolderEntry& entry = page->entries[i];
+    summary.objects = 1;
+    summary.object = entry.kind == cfdp::EntryKind::file     ? mission::FileObject::file
+                     : entry.kind == cfdp::EntryKind::folder ? mission::FileObject::folder
+                                                             : mission::FileObject::other;
+    summary.object_name = entry.name;
+    summary.octets = entry.octets;
+    summary.left = static_cast<std::uint32_t>(page->entries.size() - i - 1) + page->left;
+    reports.push_back(summary.encoded());
+  }
+  if (reports.empty()) reports.push_back(summary.encoded());
+  return reports;
+}
+
+std::uint32_t RecoveryFiles::free_mib() const {
+  struct statvfs info {};
+  if (statvfs(var_.c_str(), &info) != 0) return 0;
+  return static_cast<std::uint32_t>(
+      std::min<std::uint64_t>(info.f_bavail * info.f_frsize >> 20U, UINT32_MAX));
+}
+
+}  // namespace srfs::rescue

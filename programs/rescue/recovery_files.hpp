@@ -1,0 +1,80 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <string>
+#include <vector>
+
+#include <mission/structures.hpp>
+
+#include "base/octets.hpp"
+#include "base/result.hpp"
+#include "suite/rescue_settings.hpp"
+#include "suite/step_down.hpp"
+
+namespace srfs::rescue {
+
+/// Why an order about files failed: code of the dictionary, and the log's line.
+struct FilesFailure {
+  std::uint16_t code = 0;
+  std::string text;
+};
+template <class T>
+using FilesResult = Result<T, FilesFailure>;
+
+struct MendCount {
+  std::uint32_t files = 0;  ///< that have a golden copy
+  std::uint32_t mended = 0;
+  std::uint32_t left = 0;  ///< differ and have no good copy, or could not be written
+};
+
+enum class Mend : std::uint8_t {
+  damage,      ///< what rotted; what was changed on purpose stays
+  everything,  ///< whatever differs, by command
+};
+
+/// What is done to the files of a suite that is down. Nothing is deleted: what goes out of the way is renamed
+/// into VAR/set_aside/NUMBER, under its path below VAR. Each call may be cut off anywhere and made again.
+/// What is on the disk is not trusted: any file may hold any octets, be missing, or be a folder. Blocks on
+/// the disk.
+class RecoveryFiles {
+ public:
+  explicit RecoveryFiles(const suite::RescueSettings& settings)
+      : var_(settings.var),
+        prefix_(std::filesystem::path(settings.program).parent_path().parent_path()),
+        deployment_(settings.deployment) {}
+
+  /// @param number  of the folder that takes what is set aside; made when something is.
+  /// @return how many files and folders went there
+  [[nodiscard]] FilesResult<std::uint32_t> set_aside(mission::RescuePart part, std::uint32_t number) const;
+  /// What a step asks for before the suite starts. Does what it can. @return what could not be done; empty:
+  /// nothing
+  [[nodiscard]] std::string take_measures(suite::BootStep step, std::uint32_t number) const;
+  /// Compares the files of the suite with their golden copies (VAR/golden).
+  [[nodiscard]] FilesResult<MendCount> mend(Mend what) const;
+  /// @param file    below VAR/files. @param target  relative: below VAR; absolute: of the installation
+  [[nodiscard]] FilesResult<void> restore(const std::string& file, const std::string& target,
+                                          std::uint32_t number) const;
+  /// @return its name in VAR/files/outbox
+  [[nodiscard]] FilesResult<std::string> fetch(const std::string& path) const;
+  /// 64 objects at most, as source data of TM 23,13.
+  [[nodiscard]] FilesResult<std::vector<Octets>> list(const std::string& folder) const;
+  [[nodiscard]] std::uint32_t free_mib() const;
+
+  static constexpr std::size_t most_listed = 64;
+  static constexpr std::uint64_t largest_fetched = 64U << 20;
+
+ private:
+  [[nodiscard]] FilesResult<bool> move_aside(const std::filesystem::path& relative,
+                                             std::uint32_t number) const;
+  [[nodiscard]] std::string use_last_good_versions() const;
+  [[nodiscard]] FilesResult<std::filesystem::path> target_path(const std::string& target) const;
+
+  std::filesystem::path var_;
+  std::filesystem::path prefix_;  ///< of the installation
+  std::filesystem::path deployment_;
+};
+
+}  // namespace srfs::rescue

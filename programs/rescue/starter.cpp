@@ -1,0 +1,138 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
+#include "programs/rescue/starter.hpp"
+
+#include <linux/reboot.h>
+#include <sys/reboot.h>
+#include <unistd.h>
+
+#include "base/log.hpp"
+#include "hw/open.hpp"
+#include "programs/rescue/nodes_of_suite.hpp"
+#include "suite/boot_store.hpp"
+
+namespace srfs::rescue {
+namespace {
+
+constexpr std::chrono::minutes longest_start{11};  // `srfs up`: ten deadlines of 60 s without progress
+constexpr const char* patience_of_a_start_s = "60";
+constexpr unsigned between_starts_s = 1;
+constexpr unsigned between_tries_of_the_line_s = 5;
+
+bool is_hardware(const std::string& watchdog) {
+  return watchdog.starts_with("dev:");
+}
+
+/// From here on a start that hangs ends in a reset: timing takes the device over.
+void arm_watchdog(const suite::RescueSettings& settings) {
+  if (!is_hardware(settings.watchdog)) return;
+  const auto watchdog =
+      hw::open_watchdog(settings.watchdog, settings.var, seconds(settings.watchdog_timeout_s));
+  if (!watchdog || !(*watchdog)->feed()) log::error("the watchdog could not be armed before the start");
+}
+
+}  // namespace
+
+Starter::Starter(const suite::RescueSettings& settings)
+    : settings_(settings),
+      store_(std::filesystem::path(settings.var) / "state" / "boot"),
+      record_(store_.read()),
+      files_(settings) {}
+
+void Starter::save() {
+  ++record_.revision;
+  if (const auto stored = store_.store(record_); !stored.problem.empty())
+    log::error("the start is not counted on the disk: {}", stored.problem);
+}
+
+void Starter::count_start() {
+  // Whoever made the suite healthy, or ended it in order, wrote it there meanwhile.
+  if (suite::StepRecord stored = store_.read(); stored.revision > record_.revision)
+    record_ = std::move(stored);
+  const auto boot = suite::BootStore(std::filesystem::path(settings_.var) / "state" / "boot").load().state;
+  record_ = suite::on_start(record_, boot, settings_.steps);
+  save();
+  log::info("start {} since the suite was healthy, step {}", record_.starts, to_text(record_.step));
+}
+
+void Starter::take_measures(suite::BootStep step) {
+  ++record_.set_aside;
+  save();  // the number before the folder
+  log::warn("step {}: its measures are taken", to_text(step));
+  if (const auto problems = files_.take_measures(step, record_.set_aside); !problems.empty())
+    log::error("{}", problems);
+}
+
+std::string Starter::start_suite() const {
+  arm_watchdog(settings_);
+  return run_program({settings_.program, "--deployment", settings_.deployment, "--var", settings_.var, "up",
+                      "--deadline", patience_of_a_start_s},
+                     longest_start);
+}
+
+std::optional<int> Starter::be_on_the_line() {
+  if (!end_suite(settings_.var)) log::error("a node of the suite survives SIGKILL and may hold the line");
+  auto rescuer = Rescuer::create(settings_, record_);
+  while (!rescuer) {
+    log::error("{}; tried again", rescuer.error());
+    sleep(between_tries_of_the_line_s);
+    rescuer = Rescuer::create(settings_, record_);
+  }
+  const RescueEnd end = (*rescuer)->serve();
+  const std::uint32_t set_aside = (*rescuer)->step().set_aside;
+  rescuer->reset();  // frees the line; the watchdog stays armed
+  if (suite::StepRecord stored = store_.read(); stored.revision > record_.revision)
+    record_ = std::move(stored);
+  record_.set_aside = std::max(record_.set_aside, set_aside);
+  switch (end.kind) {
+    case RescueEnd::Kind::start_suite:
+      record_ = suite::on_commanded(record_, end.step);
+      for (const auto step : {suite::BootStep::last_good, suite::BootStep::golden}) {
+        if (step <= end.step) take_measures(step);
+      }
+      break;
+    case RescueEnd::Kind::no_contact:
+      log::warn("no telecommand for {} s: the suite gets another try", settings_.steps.no_contact.count());
+      record_ = suite::on_no_contact(record_, settings_.steps);
+      break;
+    case RescueEnd::Kind::reboot:
+      sync();
+      if (is_hardware(settings_.watchdog)) (void)reboot(LINUX_REBOOT_CMD_RESTART);
+      return restart_exit_code;
+  }
+  save();
+  return std::nullopt;
+}
+
+void Starter::begin_start() {
+  count_start();
+  while (const auto step = suite::next_measures(record_, settings_.steps)) {
+    take_measures(*step);
+    record_ = suite::on_measures_taken(record_, *step);
+    save();
+  }
+}
+
+int Starter::start() {
+  if (suite_runs(settings_.var)) return start_suite().empty() ? 0 : restart_exit_code;
+  while (true) {
+    begin_start();
+    if (record_.step == suite::BootStep::rescue) {
+      if (const auto exit_code = be_on_the_line()) return *exit_code;
+      continue;
+    }
+    record_.detail = start_suite();
+    if (record_.detail.empty()) return 0;
+    log::error("{}", record_.detail);
+    save();
+    (void)end_suite(settings_.var);
+    sleep(between_starts_s);
+  }
+}
+
+int Starter::serve() {
+  const auto exit_code = be_on_the_line();
+  return exit_code ? *exit_code : start();
+}
+
+}  // namespace srfs::rescue

@@ -1,0 +1,53 @@
+# SPDX-FileCopyrightText: 2026 SRFS contributors
+# SPDX-License-Identifier: Apache-2.0
+"""A suite that cannot start any more steps down to srfs_rescue; stock srfs-ground brings it back by telecommands alone (programs/rescue)."""
+
+import hashlib
+import json
+import shutil
+import unittest
+
+from support import BIN, DEADLINE_S, SystemTest
+
+from srfs.campaign import rescue
+from srfs.flight import mission
+from srfs.flight.processes import wait_until
+
+
+class RescueTest(SystemTest):
+    def test_a_damaged_suite_is_answered_for_and_brought_back_by_telecommands_alone(self):
+        with rescue.Board(self.folder / "board", mission.installed(BIN)) as board:
+            self.addCleanup(shutil.rmtree, mission.memory_folder(board.var), ignore_errors=True)
+            rescue.fly_once(board)
+            pristine = self.folder / "pristine"
+            shutil.copytree(board.folder / "etc", pristine / "etc")
+
+            # A program is cut, a library is gone, the deployment is rubbish and has no good copy on board.
+            ttc = board.prefix / "bin" / "ttc_node"
+            ttc.write_bytes(ttc.read_bytes()[:1000])
+            (board.prefix / "lib" / "libsrfs_base.so.0").resolve().unlink()
+            golden = board.var / "golden" / hashlib.sha256(board.deployment.read_bytes()).hexdigest()
+            golden.write_text("rubbish")
+            board.deployment.write_text("rubbish")
+            self.assertIsNotNone(board.answers())
+            self.assertEqual(board.speaker(), "rescue")
+            self.assertIn("srfs_rescue: unhealthy_starts, the suite is down", board.ground("status", "--timeout", "30").stdout)
+            step = json.loads(board.srfs(board.whole_bin, "rescue", "step", "--json").stdout)
+            self.assertEqual((step["step"], step["cause"]), ("rescue", "unhealthy_starts"))
+
+            # What only the suite does is refused, logs come down, keys do not.
+            self.assertIn("no application process", board.ground("tc", "ring.hold", "node=ttc", "--wait").stdout)
+            self.assertIn("ttc", board.order("rescue.list", "path=state")[1])
+            self.assertTrue(board.order("rescue.fetch", "path=log/timing.log")[0])
+            board.ground("files", "--duration", "2")
+            self.assertIn("timing", (board.station / "ground" / "files" / "log_timing.log").read_text())
+            self.assertNotEqual(board.ground("tc", "rescue.fetch", "path=keys/tc_uplink.key", "--wait").returncode, 0)
+
+            damaged = [rescue.Damage(board.deployment.relative_to(board.folder), "rubbish")]
+            self.assertEqual(rescue.bring_back(board, pristine, damaged), "")
+            wait_until(lambda: board.ping(2), DEADLINE_S, "ttc answers with the same counters")
+            self.assertEqual(board.speaker(), "suite")
+
+
+if __name__ == "__main__":
+    unittest.main()
