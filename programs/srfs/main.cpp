@@ -239,6 +239,7 @@ struct ObserverArguments {
   int wait_ms = 1500;
   McapRecording recording;
   McapPlay play;
+  int play_wait_ms = static_cast<int>(McapPlay{}.wait.count());
 };
 
 void add_status_and_lifecycle(CLI::App& app, ObserverArguments& a, CommandLine& line) {
@@ -317,7 +318,13 @@ void add_play(CLI::App& app, ObserverArguments& a, CommandLine& line) {
       ->check(CLI::Range(0.01, 1000.0))
       ->capture_default_str();
   command->add_option("--topic", a.play.topics, "Publish only these topics");
-  on(command, line, [&](const Target& target) { return play_mcap(target, a.play); });
+  command->add_option("--wait", a.play_wait_ms, "Milliseconds for subscriptions to match, before the first")
+      ->check(CLI::Range(0, 600000))
+      ->capture_default_str();
+  on(command, line, [&](const Target& target) {
+    a.play.wait = milliseconds(a.play_wait_ms);
+    return play_mcap(target, a.play);
+  });
 }
 
 /// Of `srfs param`.

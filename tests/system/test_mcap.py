@@ -71,7 +71,7 @@ class McapTest(SystemTest):
                                     stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True)  # fmt: skip
         self.addCleanup(listener.kill)
         wait_until(again.exists, 60, "the second recorder has begun")
-        played = subprocess.run([BIN / "srfs", "play", file, "--domain", str(domain), "--rate", "2"], stdin=subprocess.DEVNULL, capture_output=True, text=True, timeout=120)
+        played = subprocess.run([BIN / "srfs", "play", file, "--domain", str(domain), "--rate", "2", "--wait", "3000"], stdin=subprocess.DEVNULL, capture_output=True, text=True, timeout=120)
         self.assertEqual(played.returncode, 0, played.stderr)
         self.assertIn(f"{len(content.messages)} of {len(content.messages)} messages published", played.stdout)
         wait_until(lambda: self.ticks_in(again) >= len(content.of("/timing/tick")), 60, "all ticks are recorded again")
