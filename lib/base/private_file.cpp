@@ -31,11 +31,23 @@ bool is_trusted(uid_t owner, std::optional<uid_t> also) {
   return owner == geteuid() || (geteuid() == 0 && owner == also);
 }
 
+/// What root makes for a user is that user's.
+int make_folder(const std::filesystem::path& folder, std::optional<uid_t> also) {
+  if (mkdir(folder.c_str(), S_IRWXU) != 0) return errno;
+  if (geteuid() == 0 && also && *also != 0 && lchown(folder.c_str(), *also, static_cast<gid_t>(-1)) != 0)
+    return errno;
+  return 0;
+}
+
 }  // namespace
 
 Result<Fd, FileError> open_private_folder(const std::filesystem::path& folder, bool make,
                                           std::optional<uid_t> also) {
-  if (make && mkdir(folder.c_str(), S_IRWXU) != 0 && errno != EEXIST) return failure(folder, "make", errno);
+  if (make) {
+    int error = make_folder(folder, also);
+    if (error == ENOENT && make_folder(folder.parent_path(), also) == 0) error = make_folder(folder, also);
+    if (error != 0 && error != EEXIST) return failure(folder, "make", error);
+  }
   Fd fd(open(folder.c_str(), O_RDONLY | O_DIRECTORY | O_NOFOLLOW | O_CLOEXEC));
   struct stat status {};
   if (!fd || fstat(fd.get(), &status) != 0) return failure(folder, "open", errno);
@@ -77,8 +89,13 @@ Result<std::string, FileError> read_private(const std::filesystem::path& file, s
 Fd open_lock_file(const std::filesystem::path& file) {
   Fd fd(open(file.c_str(), O_RDWR | O_CREAT | O_NOFOLLOW | O_NONBLOCK | O_CLOEXEC, S_IRUSR | S_IWUSR));
   struct stat status {};
-  if (fd && fstat(fd.get(), &status) == 0 && status.st_uid == geteuid() && (status.st_mode & of_others) != 0)
-    fchmod(fd.get(), S_IRUSR | S_IWUSR);
+  struct stat of_folder {};
+  if (!fd || fstat(fd.get(), &status) != 0 || status.st_uid != geteuid()) return fd;
+  if ((status.st_mode & of_others) != 0) fchmod(fd.get(), S_IRUSR | S_IWUSR);
+  // What root makes in a user's folder is the user's, whose processes take the lock, too.
+  if (geteuid() == 0 && stat(file.parent_path().c_str(), &of_folder) == 0 && of_folder.st_uid != 0) {
+    [[maybe_unused]] const int ignored = fchown(fd.get(), of_folder.st_uid, of_folder.st_gid);
+  }
   return fd;
 }
 

@@ -14,13 +14,12 @@
 
 namespace srfs {
 
-/// Files below /tmp and /dev/shm, where any user may make a name first. They lie in a folder of this user
-/// alone (0700). A folder of another user, a folder others may write to and a symbolic link are refused; so
-/// is a link in the folder. Nothing here blocks on a disk.
+/// Files that decide what the suite does, in a folder of this user alone (0700). A folder of another user, a
+/// folder others may write to and a symbolic link are refused; so is a link in the folder.
 
-/// The folder, opened. Made when it is missing and @p make; taken away from others when they may only read
-/// it.
-/// @param also  for root: takes the folder of this user, too
+/// The folder, opened. Made when it is missing and @p make, with the folder above; taken away from others
+/// when they may only read it.
+/// @param also  for root: takes the folder of this user, too, and makes it for that user
 [[nodiscard]] Result<Fd, FileError> open_private_folder(const std::filesystem::path& folder, bool make,
                                                         std::optional<uid_t> also = std::nullopt);
 

@@ -12,6 +12,7 @@
 
 #include <fcntl.h>
 #include <fmt/format.h>
+#include <pwd.h>
 #include <sys/file.h>
 #include <sys/stat.h>
 #include <unistd.h>
@@ -68,6 +69,16 @@ std::optional<std::uint32_t> read_number(const std::filesystem::path& file) {
   return error == std::errc() ? std::optional(value) : std::nullopt;
 }
 
+/// Whether the folder is this user's alone to write to. This user's process makes a missing one, if it may.
+bool is_own_folder(const std::filesystem::path& folder, uid_t user) {
+  struct stat status {};
+  if (lstat(folder.c_str(), &status) != 0) {
+    if (user != geteuid() || mkdir(folder.c_str(), S_IRWXU) != 0 || lstat(folder.c_str(), &status) != 0)
+      return false;
+  }
+  return S_ISDIR(status.st_mode) && status.st_uid == user && (status.st_mode & (S_IWGRP | S_IWOTH)) == 0;
+}
+
 }  // namespace
 
 VarPaths VarPaths::at(const std::filesystem::path& var) {
@@ -77,12 +88,34 @@ VarPaths VarPaths::at(const std::filesystem::path& var) {
   return {real.has_filename() ? real : real.parent_path()};
 }
 
-std::filesystem::path VarPaths::memory() const {
-  // Below /dev/shm two deployments differ by the place of their folders.
+std::vector<std::filesystem::path> runtime_folders(uid_t user) {
+  return {"/run/srfs", fmt::format("/run/user/{}/srfs", user)};
+}
+
+std::optional<std::filesystem::path> runtime_folder(uid_t user) {
+  for (const auto& folder : runtime_folders(user)) {
+    if (is_own_folder(folder, user)) return folder;
+  }
+  return std::nullopt;
+}
+
+std::string VarPaths::memory_name() const {
   std::uint64_t hash = 0xCBF29CE484222325;  // FNV-1a
   for (const char c : (std::filesystem::absolute(root) / "").lexically_normal().string())
     hash = (hash ^ static_cast<std::uint8_t>(c)) * 0x100000001B3;
-  return std::filesystem::path("/dev/shm") / fmt::format("srfs_{:016x}", hash);
+  return fmt::format("{:016x}", hash);
+}
+
+std::filesystem::path VarPaths::memory() const {
+  const uid_t user = owner().value_or(geteuid());
+  std::error_code ec;
+  const auto recorded = std::filesystem::read_symlink(memory_link(), ec);
+  // The link only chooses: whoever could write it gets no other folder used, or emptied.
+  for (const auto& folder : runtime_folders(user)) {
+    if (!ec && recorded == folder / memory_name() && is_own_folder(folder, user)) return recorded;
+  }
+  const auto folder = runtime_folder(user);
+  return folder ? *folder / memory_name() : memory_link();
 }
 
 std::optional<uid_t> VarPaths::owner() const {
@@ -90,14 +123,27 @@ std::optional<uid_t> VarPaths::owner() const {
   return stat(root.c_str(), &status) == 0 ? std::optional(status.st_uid) : std::nullopt;
 }
 
-void VarPaths::make_run_folder() const {
+bool VarPaths::may_name(pid_t pid) const {
+  struct stat status {};
+  const auto of_record = owner();
+  return of_record && stat(fmt::format("/proc/{}", pid).c_str(), &status) == 0 &&
+         (*of_record == 0 || status.st_uid == *of_record);
+}
+
+Result<void, std::string> VarPaths::make_run_folder() const {
   std::error_code ec;
   std::filesystem::create_directories(root, ec);
-  (void)open_private_folder(run(), true);  // what fails, fails again at the first file in it
+  if (const auto made = open_private_folder(run(), true, owner()); !made) return Err(made.error().message);
+  const auto chosen = memory();
+  if (chosen == memory_link() || std::filesystem::read_symlink(memory_link(), ec) == chosen) return {};
+  // An older choice is gone with its folder. One that cannot be noted is made again, equally.
+  std::filesystem::remove(memory_link(), ec);
+  std::filesystem::create_symlink(chosen, memory_link(), ec);
+  return {};
 }
 
 Result<InstanceLock, std::string> InstanceLock::take(const VarPaths& var, const std::string& node) {
-  var.make_run_folder();
+  if (const auto made = var.make_run_folder(); !made) return Err(made.error());
   const auto path = var.instance_lock(node);
   Fd fd = open_lock_file(path);
   if (!fd) return Err(fmt::format("{}: {}", path.string(), errno_text(errno)));
@@ -194,8 +240,21 @@ constexpr unsigned dds_ports_of_a_domain = 250;
 constexpr int share_attempts = 20;
 constexpr milliseconds share_pause{5};
 
-std::filesystem::path domain_file(int domain) {
-  return fmt::format("/tmp/srfs_domains_{}/{}", geteuid(), domain);
+/// Where this user's suites hold their domains.
+struct DomainFolder {
+  std::filesystem::path path;
+  bool of_all_suites;  ///< of this user; false: the suite's own, other suites do not see it
+};
+
+DomainFolder domain_folder(const std::string& suite) {
+  if (const auto folder = runtime_folder(geteuid())) return {*folder / "domains", true};
+  const passwd* entry = getpwuid(geteuid());
+  const std::filesystem::path home = entry != nullptr ? entry->pw_dir : "";
+  if (!home.empty() && is_own_folder(home, geteuid())) {
+    (void)is_own_folder(home / ".cache", geteuid());  // made
+    return {home / ".cache" / "srfs" / "domains", true};
+  }
+  return {std::filesystem::path(suite) / "run" / "domains", false};
 }
 
 struct DomainRefusal {
@@ -205,15 +264,14 @@ struct DomainRefusal {
 
 /// The lock file of a domain with the given flock, or why not. The last holder removes the file, so a lock on
 /// a removed file is no lock: then the file is opened anew.
-Result<Fd, DomainRefusal> lock_domain(int domain, int operation) {
+Result<Fd, DomainRefusal> lock_domain(const std::filesystem::path& file, int operation) {
   while (true) {
-    auto fd = open_private(domain_file(domain), O_RDWR | O_CREAT);
+    auto fd = open_private(file, O_RDWR | O_CREAT);
     if (!fd) return Err(DomainRefusal{false, fd.error().message});
     if (flock(fd->get(), operation | LOCK_NB) != 0) {
       const int error = errno;
-      return Err(
-          DomainRefusal{error == EWOULDBLOCK,
-                        fmt::format("{}: cannot lock: {}", domain_file(domain).string(), errno_text(error))});
+      return Err(DomainRefusal{error == EWOULDBLOCK,
+                               fmt::format("{}: cannot lock: {}", file.string(), errno_text(error))});
     }
     struct stat status {};
     if (fstat(fd->get(), &status) == 0 && status.st_nlink > 0) return std::move(*fd);
@@ -222,7 +280,7 @@ Result<Fd, DomainRefusal> lock_domain(int domain, int operation) {
 
 }  // namespace
 
-std::set<int> domains_of_other_users(std::istream& udp_sockets, uid_t own) {
+std::set<int> domains_of_other_users(std::istream& udp_sockets, std::optional<uid_t> own) {
   std::set<int> domains;
   std::string line;
   std::getline(udp_sockets, line);  // the heading
@@ -245,16 +303,19 @@ std::set<int> domains_of_other_users(std::istream& udp_sockets, uid_t own) {
 
 Result<DomainLock, std::string> DomainLock::allocate(std::optional<int> wanted, int first,
                                                      const std::string& suite) {
+  const DomainFolder folder = domain_folder(suite);
   std::set<int> of_others;
   if (!wanted) {
     std::ifstream udp_sockets("/proc/net/udp");
-    of_others = domains_of_other_users(udp_sockets, geteuid());
+    of_others =
+        domains_of_other_users(udp_sockets, folder.of_all_suites ? std::optional(geteuid()) : std::nullopt);
   }
   for (int domain = wanted.value_or(first); domain <= wanted.value_or(highest_domain); ++domain) {
     if (of_others.contains(domain)) continue;
-    auto fd = lock_domain(domain, LOCK_EX);
+    const auto file = folder.path / std::to_string(domain);
+    auto fd = lock_domain(file, LOCK_EX);
     if (fd) {
-      DomainLock lock(domain, std::move(*fd));
+      DomainLock lock(domain, std::move(*fd), file);
       lock.sign(suite);
       return lock;
     }
@@ -262,17 +323,18 @@ Result<DomainLock, std::string> DomainLock::allocate(std::optional<int> wanted, 
   }
   return Err(wanted ? fmt::format("DDS domain {} is in use by another running suite", *wanted)
                     : fmt::format("no free DDS domain from {} to {} (locks in {})", first, highest_domain,
-                                  domain_file(first).parent_path().string()));
+                                  folder.path.string()));
 }
 
 Result<DomainLock, std::string> DomainLock::share(int domain, const std::string& suite) {
+  const auto file = domain_folder(suite).path / std::to_string(domain);
   std::string problem;
   // A holder that has it alone is signing it, or another suite is about to fly in it: asked a few times.
   for (int attempt = 0; attempt < share_attempts; ++attempt) {
     if (attempt > 0) std::this_thread::sleep_for(share_pause);
-    auto fd = lock_domain(domain, LOCK_SH);
+    auto fd = lock_domain(file, LOCK_SH);
     if (fd) {
-      DomainLock lock(domain, std::move(*fd));
+      DomainLock lock(domain, std::move(*fd), file);
       const std::string other = lock.signature();
       if (other == suite) return lock;
       problem = fmt::format("DDS domain {} is in use by another suite, {}", domain, other);
@@ -281,8 +343,8 @@ Result<DomainLock, std::string> DomainLock::share(int domain, const std::string&
       if (!fd.error().held) break;
     }
     // A domain that has no holder any more is taken, not shared.
-    if (auto free = lock_domain(domain, LOCK_EX)) {
-      DomainLock lock(domain, std::move(*free));
+    if (auto free = lock_domain(file, LOCK_EX)) {
+      DomainLock lock(domain, std::move(*free), file);
       lock.sign(suite);
       lock.downgrade();
       return lock;
@@ -293,7 +355,7 @@ Result<DomainLock, std::string> DomainLock::share(int domain, const std::string&
 
 void DomainLock::sign(const std::string& suite) {
   if (ftruncate(fd_.get(), 0) != 0 || pwrite(fd_.get(), suite.data(), suite.size(), 0) < 0)
-    log::warn("{}: {}", domain_file(domain_).string(), errno_text(errno));
+    log::warn("{}: {}", file_.string(), errno_text(errno));
 }
 
 std::string DomainLock::signature() const {
@@ -305,7 +367,7 @@ std::string DomainLock::signature() const {
 DomainLock::~DomainLock() {
   if (!fd_ || flock(fd_.get(), LOCK_EX | LOCK_NB) != 0) return;  // others still hold it
   std::error_code ec;
-  std::filesystem::remove(domain_file(domain_), ec);
+  std::filesystem::remove(file_, ec);
 }
 
 void DomainLock::downgrade() {

@@ -10,6 +10,7 @@
 #include <optional>
 #include <set>
 #include <string>
+#include <vector>
 
 #include "base/fd.hpp"
 #include "base/process.hpp"
@@ -42,21 +43,36 @@ struct VarPaths {
   [[nodiscard]] std::filesystem::path stopping_flag() const { return run() / "stopping"; }
   /// Environment variables of test tools that every node of the suite gets (environment_for_nodes).
   [[nodiscard]] std::filesystem::path environment_file() const { return run() / "environment"; }
-  /// The folder of files that processes map and share: on tmpfs, so that no store ever waits for a disk. A
-  /// power loss empties it, and ends the processes it describes. Removed by `srfs down`. Files there are
-  /// opened by open_private(file, flags, owner()): others could have made them.
+  /// The folder of files that processes map and share, below the owner's runtime_folder(): on tmpfs, so that
+  /// no store ever waits for a disk. A power loss empties it, and ends the processes it describes. Removed by
+  /// `srfs down`. Without a runtime folder it is memory_link(), on VAR's disk. Files there are opened by
+  /// open_private(file, flags, owner()).
   [[nodiscard]] std::filesystem::path memory() const;
+  /// Names memory() of the suite that runs, so that all its processes agree although a runtime folder comes
+  /// and goes with its user's sessions.
+  [[nodiscard]] std::filesystem::path memory_link() const { return run() / "memory"; }
+  /// The name of memory() in a runtime folder: two deployments differ by the place of their folders.
+  [[nodiscard]] std::string memory_name() const;
   /// The owner of VAR, if it exists: root takes that user's memory() for the suite's.
   [[nodiscard]] std::optional<uid_t> owner() const;
-  /// Makes run(), for this user alone unless it is there and others may write to it: locks and sockets lie
-  /// there.
-  void make_run_folder() const;
+  /// Whether a record below memory() may name this process, to be signalled: the record's author, VAR's
+  /// owner, could signal it, too.
+  [[nodiscard]] bool may_name(pid_t pid) const;
+  /// Makes run(), which holds locks and sockets, for this user alone, and memory_link(). @return why run() is
+  /// not to be used: it belongs to another user, or others may write to it
+  Result<void, std::string> make_run_folder() const;
   /// The node that may write to a CAN bus, kept by its switcher for its successor.
   [[nodiscard]] std::filesystem::path holder_of(const std::string& bus) const {
     return memory() / (bus + "_holder");
   }
   [[nodiscard]] std::filesystem::path domain_file() const { return run() / "dds_domain"; }
 };
+
+/// Where runtime files of a user's suites may lie, the best first: /run/srfs (RuntimeDirectory of the unit;
+/// root makes it), /run/user/UID/srfs (a session of the user).
+[[nodiscard]] std::vector<std::filesystem::path> runtime_folders(uid_t user);
+/// The first of these that is this user's alone; made where that is possible. nullopt: none.
+[[nodiscard]] std::optional<std::filesystem::path> runtime_folder(uid_t user);
 
 /// Proof that this process is the only instance of a node: an fcntl record lock. The kernel drops it with the
 /// process, however that ends, and reports the owner's pid itself.
@@ -104,11 +120,12 @@ struct StartRecord {
 void write_start_record(const VarPaths& var, const std::string& node, const StartRecord& record);
 
 /// The DDS domains whose UDP ports another user's programs hold. @param udp_sockets  /proc/net/udp
-[[nodiscard]] std::set<int> domains_of_other_users(std::istream& udp_sockets, uid_t own);
+/// @param own  nullopt: any user's programs
+[[nodiscard]] std::set<int> domains_of_other_users(std::istream& udp_sockets, std::optional<uid_t> own);
 
 /// A DDS domain that no other suite of this machine uses, held by a lock file until the lock's last holder
-/// ends. The locks lie in a folder below /tmp that is this user's alone. Domains of other users are known by
-/// their UDP ports.
+/// ends. The locks lie in this user's runtime_folder(), without one in ~/.cache/srfs, without a home in VAR
+/// itself. Domains of other users are known by their UDP ports; in the last case, those of this user, too.
 class DomainLock {
  public:
   static constexpr int first_domain = 42;
@@ -130,11 +147,13 @@ class DomainLock {
   void downgrade();
 
  private:
-  DomainLock(int domain, Fd fd) : domain_(domain), fd_(std::move(fd)) {}
+  DomainLock(int domain, Fd fd, std::filesystem::path file)
+      : domain_(domain), fd_(std::move(fd)), file_(std::move(file)) {}
   void sign(const std::string& suite);
   [[nodiscard]] std::string signature() const;
   int domain_;
   Fd fd_;
+  std::filesystem::path file_;
 };
 
 }  // namespace srfs::suite

@@ -467,8 +467,13 @@ std::filesystem::path suite_bin_folder() {
 }
 
 Result<RestartLock, RestartLock::Refusal> RestartLock::take(const VarPaths& var, const std::string& node) {
-  var.make_run_folder();
   auto path = var.restart_lock(node);
+  // Where others may write, they could hold the lock.
+  if (!var.make_run_folder()) {
+    path = var.memory() / path.filename();
+    if (const auto made = open_private_folder(var.memory(), true, var.owner()); !made)
+      return Err(Refusal{false, made.error().message});
+  }
   while (true) {
     Fd fd = open_lock_file(path);
     if (!fd) {

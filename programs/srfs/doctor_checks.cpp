@@ -144,8 +144,8 @@ std::optional<Mount> mount_of(const Machine& machine, const fs::path& path) {
   return best;
 }
 
-/// A folder below /tmp or /dev/shm that the suite uses only if it is its own (base/private_file.hpp). @return
-/// false: it would not be used
+/// A folder that the suite uses only if it is its own (base/private_file.hpp). @return false: it would not be
+/// used
 bool examine_private_folder(Examination& x, const std::string& check, const fs::path& folder,
                             const std::string& effect) {
   const auto file = x.machine.look(folder);
@@ -172,31 +172,49 @@ bool examine_private_folder(Examination& x, const std::string& check, const fs::
 }
 
 /// Where the suite holds its DDS domain.
-void examine_domain_locks(Examination& x) {
-  const fs::path folder = fmt::format("/tmp/srfs_domains_{}", x.starter.user);
-  if (!x.machine.names("/tmp")) return x.unknown("network.domains", "/tmp cannot be read");
-  if (examine_private_folder(x, "network.domains", folder, "otherwise the suite does not start"))
-    x.ok("network.domains", folder.string() + ": of this user only");
+/// suite::runtime_folder of a user, as the machine shows it; also one that the first start will make.
+std::optional<fs::path> runtime_folder_of(Examination& x, uid_t user) {
+  const auto is_own = [user](const auto& file) {
+    return file && file->owner == user && S_ISDIR(file->mode) && (file->mode & (S_IWGRP | S_IWOTH)) == 0;
+  };
+  for (const fs::path& folder : suite::runtime_folders(user)) {
+    const auto file = x.machine.look(folder);
+    if (is_own(file) || (!file && is_own(x.machine.look(folder.parent_path())))) return folder;
+  }
+  return std::nullopt;
 }
 
-/// What suites leave below /dev/shm: the folder of a suite that runs is mapped by its nodes.
-void examine_leftovers(Examination& x) {
-  const fs::path own = suite::VarPaths{x.var}.memory();
-  const auto names = x.machine.names("/dev/shm");
-  if (!names) return x.unknown("memory.suites", "/dev/shm cannot be read");
+uid_t owner_of_suite(Examination& x) {
+  const auto of_var = x.machine.look(x.var);
+  return of_var ? of_var->owner : x.starter.user;
+}
+
+void examine_domain_locks(Examination& x) {
+  const auto folder = runtime_folder_of(x, x.starter.user);
+  if (!folder)
+    return x.note("network.domains",
+                  fmt::format("user {} has no runtime folder; locks lie in ~/.cache/srfs", x.starter.name));
+  const fs::path locks = *folder / "domains";
+  if (examine_private_folder(x, "network.domains", locks, "otherwise the suite does not start"))
+    x.ok("network.domains", locks.string() + ": of this user only");
+}
+
+/// What suites leave in a runtime folder: the folder of a suite that runs is mapped by its nodes.
+void examine_leftovers(Examination& x, const fs::path& runtime) {
+  const fs::path own = runtime / suite::VarPaths{x.var}.memory_name();
   (void)examine_private_folder(x, "memory.suites", own,
                                "otherwise nodes run without heartbeat pages and histories");
   std::vector<std::string> maps;
   std::size_t suites = 0;
   const auto mapped = x.machine.processes("maps", [&](const std::string& text) {
-    if (text.find("/dev/shm/srfs_") == std::string::npos) return false;
+    if (text.find(runtime.string() + "/") == std::string::npos) return false;
     maps.push_back(text);
     return true;
   });
-  for (const std::string& name : *names) {
-    if (!name.starts_with("srfs_")) continue;
+  for (const std::string& name : x.machine.names(runtime).value_or(std::vector<std::string>{})) {
+    if (name == "domains") continue;
     ++suites;
-    const std::string folder = "/dev/shm/" + name;
+    const std::string folder = (runtime / name).string();
     const bool used = std::any_of(maps.begin(), maps.end(), [&](const std::string& text) {
       return text.find(folder + "/") != std::string::npos;
     });
@@ -212,7 +230,7 @@ void examine_leftovers(Examination& x) {
             "rm -r " + folder);
     }
   }
-  if (suites == 0) x.ok("memory.suites", "nothing left in /dev/shm");
+  if (suites == 0) x.ok("memory.suites", "nothing left in " + runtime.string());
 }
 
 // ---------------------------------------------------------------- disk
@@ -510,24 +528,34 @@ void examine_sysctls(Examination& x) {
 }
 
 void examine_memory(Examination& x) {
-  const auto mount = mount_of(x.machine, "/dev/shm");
-  const auto room = x.machine.room("/dev/shm");
+  const uid_t user = owner_of_suite(x);
+  const std::string name = name_of_user(x.machine, user);
+  const auto runtime = runtime_folder_of(x, user);
+  if (!runtime) {
+    x.add(Verdict::warn, "memory.runtime",
+          fmt::format("user {} has no runtime folder: heartbeat pages lie on the disk of {}", name,
+                      x.var.string()),
+          "/run/user/" + std::to_string(user), "loginctl enable-linger " + name);
+    return;
+  }
+  const fs::path place = runtime->parent_path();
+  const auto mount = mount_of(x.machine, place);
+  const auto room = x.machine.room(place);
   const std::string expected = fmt::format("{} free, in memory", mib_text(least_shared_memory));
   if (!room) {
-    x.add(Verdict::fail, "memory.shm", "/dev/shm: " + errno_text(room.error()), expected,
-          "mkdir -p /dev/shm && mount -t tmpfs -o mode=1777,nosuid,nodev tmpfs /dev/shm");
+    x.unknown("memory.runtime", place.string() + ": " + errno_text(room.error()), expected);
   } else if (!mount) {
-    x.unknown("memory.shm", "/dev/shm not shown in /proc/mounts", expected);
+    x.unknown("memory.runtime", place.string() + " not shown in /proc/mounts", expected);
   } else if (mount->type != "tmpfs") {
-    x.add(Verdict::warn, "memory.shm", "/dev/shm is on " + mount->type, expected,
-          "mount -t tmpfs -o mode=1777,nosuid,nodev tmpfs /dev/shm");
+    x.add(Verdict::warn, "memory.runtime", place.string() + " is on " + mount->type, expected,
+          "mount -t tmpfs -o mode=0755,nosuid,nodev tmpfs " + place.string());
   } else if (room->free_octets < least_shared_memory) {
-    x.add(Verdict::fail, "memory.shm", mib_text(room->free_octets) + " free", expected,
-          "mount -o remount,size=64M /dev/shm");
+    x.add(Verdict::fail, "memory.runtime", mib_text(room->free_octets) + " free", expected,
+          "mount -o remount,size=64M " + mount->point);
   } else {
-    x.ok("memory.shm", mib_text(room->free_octets) + " free in /dev/shm");
+    x.ok("memory.runtime", mib_text(room->free_octets) + " free in " + place.string());
   }
-  examine_leftovers(x);
+  examine_leftovers(x, *runtime);
 }
 
 void examine_disk(Examination& x) {

@@ -46,6 +46,7 @@ std::vector<NodeStatus> local_status(const Target& target) {
 /// The domain of the suite that runs in VAR, or a fresh one held for it. @param running one of its nodes does
 Result<std::shared_ptr<suite::DomainLock>, std::string> take_domain(const Target& target,
                                                                     const UpOptions& options, bool running) {
+  if (const auto made = target.var.make_run_folder(); !made) return Err(made.error());
   const auto old = running_domain(target);
   const std::string suite = target.var.root.string();
   std::shared_ptr<suite::DomainLock> held = options.held_domain;
@@ -304,6 +305,7 @@ DownReport down_locked(const Target& target, milliseconds patience) {
     std::filesystem::remove(target.var.domain_file(), ec);
     std::filesystem::remove(target.var.environment_file(), ec);
     std::filesystem::remove_all(target.var.memory(), ec);
+    std::filesystem::remove(target.var.memory_link(), ec);
     std::filesystem::remove(target.var.starting_lock(), ec);
     std::filesystem::remove(target.var.stopping_flag(), ec);
   }

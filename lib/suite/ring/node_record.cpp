@@ -79,7 +79,7 @@ std::optional<StartingProcess> find_starting(const VarPaths& var, const std::str
   const auto started = last_started(var, node);
   if (!started) return std::nullopt;
   auto process = Process::open(started->pid);
-  if (!process || process_start_ticks(started->pid) != started->start_ticks ||
+  if (!process || process_start_ticks(started->pid) != started->start_ticks || !var.may_name(started->pid) ||
       process->wait_for_exit(nanoseconds(0)))
     return std::nullopt;
   // Its pid in the lock's text: it has held the lock, so it is not on the way to it but ending, files first.
@@ -110,10 +110,11 @@ std::optional<StandIn> read_stand_in(const VarPaths& var, const std::string& nod
   return stand_in;
 }
 
-std::optional<Process> find_overrun(const StandIn& stand_in, MonotonicTime now) {
+std::optional<Process> find_overrun(const VarPaths& var, const StandIn& stand_in, MonotonicTime now) {
   if (now < stand_in.until) return std::nullopt;
   auto process = Process::open(stand_in.pid);
-  if (!process || process_start_ticks(stand_in.pid) != stand_in.start_ticks) return std::nullopt;
+  if (!process || process_start_ticks(stand_in.pid) != stand_in.start_ticks || !var.may_name(stand_in.pid))
+    return std::nullopt;
   return process;
 }
 

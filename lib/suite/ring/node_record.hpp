@@ -45,8 +45,10 @@ struct StandIn {
 bool write_stand_in(const VarPaths& var, const std::string& node, const std::string& by, MonotonicTime until);
 void end_stand_in(const VarPaths& var, const std::string& node);
 [[nodiscard]] std::optional<StandIn> read_stand_in(const VarPaths& var, const std::string& node);
-/// The process of a stand-in that has overrun its lease; nullopt: it has not, or has ended.
-[[nodiscard]] std::optional<Process> find_overrun(const StandIn& stand_in, MonotonicTime now);
+/// The process of a stand-in that has overrun its lease, to be killed; nullopt: it has not, or has ended, or
+/// the record may not name it (VarPaths::may_name).
+[[nodiscard]] std::optional<Process> find_overrun(const VarPaths& var, const StandIn& stand_in,
+                                                  MonotonicTime now);
 
 /// An operator's orders to a node: held, or a state other than Active. They stand until they are lifted, on
 /// disk. Those to a node of the command path stand on tmpfs and end by themselves: after

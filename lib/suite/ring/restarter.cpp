@@ -354,7 +354,7 @@ RestartOutcome Restarter::decide_and_act(Case& c) {
 std::string Restarter::wait_for_stand_in(const Case& c) const {
   const auto stand_in = read_stand_in(var_, c.node->name);
   if (!stand_in) return "somebody else restarts it";
-  const auto overrun = find_overrun(*stand_in, monotonic_now());
+  const auto overrun = find_overrun(var_, *stand_in, monotonic_now());
   if (!overrun) return fmt::format("{} stands in for it", stand_in->by);
   log::error("{} (pid {}) has stood in for {} beyond its lease and is killed", stand_in->by, stand_in->pid,
              c.node->name);

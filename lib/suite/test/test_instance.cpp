@@ -11,12 +11,15 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <netinet/in.h>
+#include <pwd.h>
+#include <sys/file.h>
 #include <sys/socket.h>
 #include <sys/stat.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
 #include "base/fd.hpp"
+#include "base/private_file.hpp"
 #include "suite/instance.hpp"
 #include "suite/launcher.hpp"
 #include "tests/temporary_folder.hpp"
@@ -67,6 +70,107 @@ TEST(RunFolder, ALockIsNotTakenThroughALink) {
   EXPECT_FALSE(std::filesystem::exists(folder.path() / "victim"));
 }
 
+/// What another local user can do, in a process of its own. @return whether it could
+template <typename Attack>
+bool another_user_can(const Attack& attack) {
+  const pid_t child = fork();
+  if (child == 0) {
+    if (setgid(65534) != 0 || setuid(65534) != 0) _exit(1);
+    _exit(attack() ? 0 : 1);
+  }
+  int status = 0;
+  waitpid(child, &status, 0);
+  return WIFEXITED(status) && WEXITSTATUS(status) == 0;
+}
+
+bool can_make(const std::filesystem::path& path) {
+  return mkdir(path.c_str(), 0777) == 0 || symlink("/etc/passwd", (path.string() + "_link").c_str()) == 0;
+}
+
+TEST(RunFolder, AnotherUserTakesNoNameOfTheSuiteBeforehandAndHoldsNoLockOfIt) {
+  if (geteuid() != 0) GTEST_SKIP() << "needs root";
+  const testing_support::TemporaryFolder folder;
+  ASSERT_EQ(chmod(folder.path().c_str(), 0755), 0);
+  const VarPaths var{folder.path() / "var"};
+  ASSERT_TRUE(another_user_can([] { return true; }));
+  ASSERT_TRUE(runtime_folder(0));
+  for (const auto& name : {var.memory(), *runtime_folder(0) / "domains", var.root, var.run()})
+    EXPECT_FALSE(another_user_can([&] { return can_make(name); })) << name;
+  ASSERT_TRUE(InstanceLock::take(var, "timing"));
+  ASSERT_TRUE(RestartLock::take(var, "timing"));
+  const auto domain = DomainLock::allocate(std::nullopt, 80, var.root);
+  ASSERT_TRUE(domain) << domain.error();
+  for (const auto& name : {var.instance_lock("timing"), var.restart_lock("timing"), var.starting_lock(),
+                           *runtime_folder(0) / "domains" / std::to_string(domain->domain())})
+    EXPECT_FALSE(another_user_can([&] { return open(name.c_str(), O_RDONLY | O_CREAT, 0666) >= 0; })) << name;
+  std::filesystem::remove_all(var.memory());
+}
+
+TEST(RunFolder, OneThatOthersMayWriteToIsNotUsed) {
+  const testing_support::TemporaryFolder folder;
+  const VarPaths var{folder.path()};
+  std::filesystem::create_directory(var.run());
+  ASSERT_EQ(chmod(var.run().c_str(), 0777), 0);
+  const auto lock = InstanceLock::take(var, "timing");
+  ASSERT_FALSE(lock);
+  EXPECT_THAT(lock.error(), HasSubstr("others may write to it"));
+  // Another user may hold a lock there: the node is restarted nevertheless.
+  const Fd taken(open(var.restart_lock("timing").c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0666));
+  ASSERT_EQ(flock(taken.get(), LOCK_EX), 0);
+  if (runtime_folder(geteuid())) {
+    EXPECT_TRUE(RestartLock::take(var, "timing"));
+  }
+  std::filesystem::remove_all(var.memory());
+}
+
+TEST(Memory, LiesWhereTheSuiteFirstPutItAndALinkOfSomebodyElseLeadsNowhere) {
+  const testing_support::TemporaryFolder folder;
+  const VarPaths var{folder.path() / "var"};
+  ASSERT_TRUE(var.make_run_folder());
+  const auto memory = var.memory();
+  std::error_code ec;
+  if (memory != var.memory_link()) {
+    EXPECT_EQ(std::filesystem::read_symlink(var.memory_link(), ec), memory);
+  }
+  std::filesystem::remove(var.memory_link());
+  const auto victim = folder.path() / "victim";
+  std::filesystem::create_directory(victim);
+  std::filesystem::create_directory_symlink(victim, var.memory_link());
+  if (runtime_folder(geteuid())) {
+    EXPECT_EQ(var.memory(), memory);
+  }
+  EXPECT_FALSE(open_private(var.memory_link() / "ttc.heartbeat", O_RDWR | O_CREAT, var.owner()));
+  ASSERT_TRUE(var.make_run_folder());
+  EXPECT_TRUE(std::filesystem::exists(victim));
+}
+
+TEST(Memory, OfAUserWithoutARuntimeFolderLiesInVar) {
+  if (geteuid() != 0) GTEST_SKIP() << "needs root";
+  ASSERT_FALSE(std::filesystem::exists("/run/user/65534")) << "user 65534 has a session here";
+  const testing_support::TemporaryFolder folder;
+  ASSERT_EQ(chown(folder.path().c_str(), 65534, 65534), 0);
+  const VarPaths var{folder.path()};
+  EXPECT_EQ(var.memory(), var.run() / "memory");
+  ASSERT_TRUE(another_user_can([&] { return var.make_run_folder().has_value(); }));
+  EXPECT_TRUE(another_user_can([&] {
+    return open_private(var.memory() / "ttc.heartbeat", O_RDWR | O_CREAT, var.owner()).has_value();
+  }));
+  EXPECT_EQ(mode_of(var.memory()), 0700U);
+  EXPECT_TRUE(open_private(var.memory() / "ttc.heartbeat", O_RDONLY, var.owner()))
+      << "root reads that user's";
+}
+
+TEST(Records, NameNoProcessThatTheirAuthorCouldNotSignal) {
+  if (geteuid() != 0) GTEST_SKIP() << "needs root";
+  const testing_support::TemporaryFolder folder;
+  const VarPaths var{folder.path()};
+  EXPECT_TRUE(var.may_name(getpid()));
+  ASSERT_EQ(chown(folder.path().c_str(), 65534, 65534), 0);
+  EXPECT_FALSE(var.may_name(getpid())) << "user 65534 cannot have root kill a process of root's";
+  EXPECT_FALSE(var.may_name(1));
+  EXPECT_TRUE(another_user_can([&] { return var.may_name(getpid()); }));
+}
+
 TEST(DdsDomains, OfOtherUsersAreKnownByTheirPorts) {
   // Format of Linux 6.1. 0x1CE8 = 7400: domain 0; 0x45EC = 17900: domain 42; 0x45EB: last port of domain 41.
   std::istringstream udp_sockets(
@@ -83,6 +187,15 @@ TEST(DdsDomains, OfOtherUsersAreKnownByTheirPorts) {
       "0\n"
       "nonsense\n");
   EXPECT_THAT(domains_of_other_users(udp_sockets, 0), ElementsAre(0, 41));
+  udp_sockets.clear();
+  udp_sockets.seekg(0);
+  EXPECT_THAT(domains_of_other_users(udp_sockets, std::nullopt), ElementsAre(0, 41, 42));
+}
+
+std::filesystem::path domains() {
+  const auto runtime = runtime_folder(geteuid());
+  return runtime ? *runtime / "domains"
+                 : std::filesystem::path(getpwuid(geteuid())->pw_dir) / ".cache/srfs/domains";
 }
 
 /// Domains that are free for a moment here must not be taken by the tests that run beside (dds_domain.hpp).
@@ -119,7 +232,7 @@ TEST(DdsDomains, OneThatAnotherUsersSuiteHasIsNotTakenAndAWantedOneIs) {
 TEST(DdsDomains, LocksLieInAFolderOfThisUserAlone) {
   const auto lock = DomainLock::allocate(std::nullopt, apart);
   ASSERT_TRUE(lock) << lock.error();
-  const std::filesystem::path folder = "/tmp/srfs_domains_" + std::to_string(geteuid());
+  const std::filesystem::path folder = domains();
   EXPECT_EQ(mode_of(folder), 0700U);
   EXPECT_EQ(mode_of(folder / std::to_string(lock->domain())), 0600U);
   EXPECT_THAT(DomainLock::allocate(lock->domain()).error(), HasSubstr("is in use by another running suite"));
@@ -142,7 +255,7 @@ TEST(DdsDomains, ADomainThatAnotherSuiteTookAfterAllNodesHadBeenKilledIsNotShare
 
 /// Creates a lock file in the state that killed nodes leave.
 void leave_lock_file(int domain, const std::string& suite) {
-  const std::string file = "/tmp/srfs_domains_" + std::to_string(geteuid()) + "/" + std::to_string(domain);
+  const std::string file = domains() / std::to_string(domain);
   const Fd fd(open(file.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0600));
   ASSERT_TRUE(fd);
   ASSERT_EQ(write(fd.get(), suite.data(), suite.size()), static_cast<ssize_t>(suite.size()));

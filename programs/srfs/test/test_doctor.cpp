@@ -146,10 +146,10 @@ class DoctorTest : public testing::Test {
     put("/proc/swaps", "Filename\tType\tSize\tUsed\tPriority\n");
     put("/proc/meminfo", "MemTotal: 3900000 kB\nMemAvailable:    3500000 kB\n");
     put("/proc/mounts",
-        "/dev/mmcblk0p1 / ext4 rw,relatime 0 0\ntmpfs /dev/shm tmpfs rw,nosuid,nodev 0 0\n"
+        "/dev/mmcblk0p1 / ext4 rw,relatime 0 0\ntmpfs /run tmpfs rw,nosuid,nodev 0 0\n"
         "cgroup2 /sys/fs/cgroup cgroup2 rw,nosuid 0 0\n");
-    fs::create_directories(machine_.at("/dev/shm"));
-    fs::create_directories(machine_.at("/tmp"));
+    fs::create_directories(machine_.at("/run"));
+    files_["/run"] = {S_IFDIR | 0755, 0, 0};
     fs::create_directories(machine_.at("/var/lib/srfs"));
   }
   void put_devices() {
@@ -219,7 +219,6 @@ TEST_F(DoctorTest, ASimulationNeedsNoHardwareNoRealTimeAndNoKeys) {
   remove("/dev");
   remove("/var/lib/srfs/keys");
   files_.clear();
-  fs::create_directories(machine_.at("/dev/shm"));
   put("/proc/version", "Linux version 6.1.0 #1 SMP PREEMPT_DYNAMIC\n");
   put("/sys/devices/system/cpu/cpu0/cpufreq/scaling_governor", "powersave\n");
   put("/proc/1/comm", "systemd-timesyn\n");
@@ -430,12 +429,12 @@ TEST_F(DoctorTest, ASysctlIsNamedWithTheCommandThatChangesItNowAndForTheNextBoot
 }
 
 TEST_F(DoctorTest, WhatAKilledSuiteLeftInMemoryIsToldFromASuiteThatRuns) {
-  const std::string own = suite::VarPaths{"/var/lib/srfs"}.memory();
+  const std::string own = "/run/srfs/" + suite::VarPaths{"/var/lib/srfs"}.memory_name();
   fs::create_directories(machine_.at(own));
-  fs::create_directories(machine_.at("/dev/shm/srfs_0123456789abcdef"));
+  fs::create_directories(machine_.at("/run/srfs/0123456789abcdef"));
   EXPECT_EQ(finding("memory.suites").verdict, Verdict::warn);
-  EXPECT_EQ(finding("memory.suites").command, "rm -r /dev/shm/srfs_0123456789abcdef");
-  put("/proc/9/maps", "7f00-7f01 rw-s 00000000 00:18 5 /dev/shm/srfs_0123456789abcdef/ttc.heartbeat\n");
+  EXPECT_EQ(finding("memory.suites").command, "rm -r /run/srfs/0123456789abcdef");
+  put("/proc/9/maps", "7f00-7f01 rw-s 00000000 00:18 5 /run/srfs/0123456789abcdef/ttc.heartbeat\n");
   EXPECT_EQ(finding("memory.suites").verdict, Verdict::note);
   remove("/proc/1/maps");
   EXPECT_EQ(finding("memory.suites").verdict, Verdict::unknown)
@@ -443,9 +442,9 @@ TEST_F(DoctorTest, WhatAKilledSuiteLeftInMemoryIsToldFromASuiteThatRuns) {
 }
 
 TEST_F(DoctorTest, AFolderInMemoryOrOfLocksThatSomebodyElseMadeIsNotThisSuites) {
-  const std::string own = suite::VarPaths{"/var/lib/srfs"}.memory();
+  const std::string own = "/run/srfs/" + suite::VarPaths{"/var/lib/srfs"}.memory_name();
   for (const auto& [check, folder] : {std::pair<std::string, std::string>("memory.suites", own),
-                                      {"network.domains", "/tmp/srfs_domains_0"}}) {
+                                      {"network.domains", "/run/srfs/domains"}}) {
     fs::create_directories(machine_.at(folder));
     files_[folder] = {S_IFDIR | 0700, 0, 0};
     EXPECT_LT(finding(check).verdict, Verdict::fail) << check;
@@ -492,11 +491,11 @@ TEST_F(DoctorTest, ALineOfHardwareNeedsSecurityAndKeysThatNobodyKnows) {
 TEST_F(DoctorTest, ADiskThatIsSmallReadOnlyOrForgetsIsNamed) {
   room_.free_octets = 1U << 30;
   EXPECT_EQ(finding("disk.room").verdict, Verdict::warn);
-  EXPECT_EQ(finding("memory.shm").verdict, Verdict::ok);
+  EXPECT_EQ(finding("memory.runtime").verdict, Verdict::ok);
   room_.free_octets = 1U << 20;
   EXPECT_EQ(finding("disk.room").verdict, Verdict::fail);
-  EXPECT_EQ(finding("memory.shm").verdict, Verdict::fail);
-  const std::string shm = "tmpfs /dev/shm tmpfs rw 0 0\n";
+  EXPECT_EQ(finding("memory.runtime").verdict, Verdict::fail);
+  const std::string shm = "tmpfs /run tmpfs rw 0 0\n";
   put("/proc/mounts", "/dev/a / ext4 ro,relatime 0 0\n/dev/b /var ext4 rw 0 0\n" + shm);
   EXPECT_EQ(finding("disk.kind").verdict, Verdict::ok) << "the nearest one above counts";
   put("/proc/mounts", "/dev/a / ext4 rw 0 0\n/dev/b /var/lib ext4 ro,relatime 0 0\n" + shm);

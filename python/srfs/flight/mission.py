@@ -46,7 +46,9 @@ def memory_folder(var):
     value = 0xCBF29CE484222325  # FNV-1a
     for octet in f"{os.path.normpath(os.path.abspath(var))}/".encode():
         value = (value ^ octet) * 0x100000001B3 % 2**64
-    return pathlib.Path(f"/dev/shm/srfs_{value:016x}")
+    user = os.stat(var).st_uid if os.path.exists(var) else os.geteuid()
+    folders = [pathlib.Path("/run/srfs", f"{value:016x}"), pathlib.Path(f"/run/user/{user}/srfs", f"{value:016x}")]
+    return next((folder for folder in folders if folder.exists()), pathlib.Path(var, "run", "memory"))
 
 
 def has_come(var, node):

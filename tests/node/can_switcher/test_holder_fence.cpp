@@ -186,7 +186,7 @@ TEST_F(HolderRecordTest, ANewOneSaysThatTheBusIsFree) {
 }
 
 TEST_F(HolderRecordTest, SaysWhyItCannotBeOpened) {
-  const auto record = HolderRecord::open(file_ / "missing" / "file");
+  const auto record = HolderRecord::open(file_ / "missing" / "folder" / "file");
   ASSERT_FALSE(record);
   EXPECT_THAT(record.error(), HasSubstr("missing"));
 }

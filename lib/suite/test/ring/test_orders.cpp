@@ -3,6 +3,7 @@
 #include <filesystem>
 
 #include <gtest/gtest.h>
+#include <unistd.h>
 
 #include "base/file.hpp"
 #include "suite/ring/node_record.hpp"
@@ -37,6 +38,17 @@ class Orders : public testing::Test {
   Deployment plan_;
   const MonotonicTime now_{seconds(1000)};
 };
+
+TEST_F(Orders, AStandInsRecordNamesNoProcessThatItsAuthorCouldNotEnd) {
+  if (geteuid() != 0) GTEST_SKIP() << "needs root";
+  ASSERT_TRUE(write_stand_in(var_, "eps", "maintenance", now_));
+  const auto record = read_stand_in(var_, "eps");
+  ASSERT_TRUE(record);
+  EXPECT_TRUE(find_overrun(var_, *record, now_)) << "this process, by root's own record";
+  EXPECT_FALSE(find_overrun(var_, *record, now_ - seconds(1))) << "within its lease";
+  ASSERT_EQ(chown(var_.root.c_str(), 65534, 65534), 0);
+  EXPECT_FALSE(find_overrun(var_, *record, now_)) << "a user's record would have root kill root's process";
+}
 
 TEST_F(Orders, TheCommandPathIsWhatTheWatchdogNeedsAndWhatTelecommandsPassThrough) {
   EXPECT_TRUE(plan_.on_command_path("clock")) << "critical";
