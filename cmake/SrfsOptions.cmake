@@ -19,7 +19,7 @@ set(CMAKE_TRY_COMPILE_CONFIGURATION RelWithDebInfo)
 check_cxx_source_compiles("#ifndef _FORTIFY_SOURCE\n#error none\n#endif\nint main() {}" SRFS_COMPILER_FORTIFIES)
 unset(CMAKE_TRY_COMPILE_CONFIGURATION)
 if(NOT SRFS_COMPILER_FORTIFIES)
-  set(SRFS_FORTIFY -D_FORTIFY_SOURCE=2)
+  set(SRFS_FORTIFY -D_FORTIFY_SOURCE=3)
 endif()
 set(CMAKE_CXX_FLAGS_RELWITHDEBINFO "-O2 -g1 -DNDEBUG ${SRFS_FORTIFY}")
 set(CMAKE_CXX_FLAGS_RELEASE "-O3 -DNDEBUG ${SRFS_FORTIFY}")
@@ -54,10 +54,10 @@ if(SRFS_SANITIZE)
   target_link_options(srfs_compile_options INTERFACE -fsanitize=${SRFS_SANITIZE})
 else()
   # Hardening of everything that flies, also of what is compiled on board and of nodes outside this tree (SrfsInstall): stack protector,
-  # landing pads for indirect branches (IBT, BTI), and a dynamic linker that resolves all symbols first and makes their table read-only.
+  # landing pads for indirect branches (IBT, BTI), the standard library's own assertions, and a dynamic linker that resolves all symbols first and makes their table read-only.
   # tests/system/test_hardening.py checks it. The linker writes no IBT or BTI note: Debian's start files (crt1.o, crti.o) have no landing
   # pads, and forcing the note would promise some. They return where they were called from, so the note of the shadow stack holds.
-  set(SRFS_HARDENING_COMPILE -fstack-protector-strong -fstack-clash-protection)
+  set(SRFS_HARDENING_COMPILE -fstack-protector-strong -fstack-clash-protection -D_GLIBCXX_ASSERTIONS)
   set(SRFS_HARDENING_LINK -Wl,-z,relro,-z,now)
   if(CMAKE_SYSTEM_PROCESSOR MATCHES "^(x86_64|AMD64)$")
     list(APPEND SRFS_HARDENING_COMPILE -fcf-protection=full)
