@@ -14,6 +14,17 @@ bool is_safe(char c) {
          safe_marks.find(c) != std::string_view::npos;
 }
 
+/// A shared library's name, "libx.so" or "libx.so.1": a program that is run beside it might load it. Its dot
+/// is written like an unsafe octet.
+void hide_library(std::string& name) {
+  constexpr std::string_view suffix = ".so";
+  constexpr std::string_view hidden = "%2Eso";
+  for (auto at = name.find(suffix); at != std::string::npos; at = name.find(suffix, at + 1)) {
+    const auto end = at + suffix.size();
+    if (end == name.size() || name[end] == '.' || name[end] == '/') name.replace(at, suffix.size(), hidden);
+  }
+}
+
 }  // namespace
 
 std::string safe_name(std::string_view name) {
@@ -26,6 +37,7 @@ std::string safe_name(std::string_view name) {
       safe += fmt::format("%{:02X}", static_cast<unsigned char>(c));
     }
   }
+  hide_library(safe);
   return safe;
 }
 

@@ -18,6 +18,13 @@ double number_of(const nlohmann::json& json, const char* key) {
   return found != json.end() && found->is_number() ? std::max(0.0, found->get<double>()) : 0.0;
 }
 
+/// Last: the option takes all words behind it.
+void require_layers(std::vector<std::string>& command, const LaneFolders& folders) {
+  if (folders.required.empty()) return;
+  command.emplace_back("--require");
+  command.insert(command.end(), folders.required.begin(), folders.required.end());
+}
+
 }  // namespace
 
 std::vector<std::string> build_command(const LaneFolders& folders, const update::Manifest& manifest) {
@@ -28,6 +35,7 @@ std::vector<std::string> build_command(const LaneFolders& folders, const update:
   for (const std::string& option : manifest.options) command.push_back("--option=" + option);
   // It costs five builds of a payload and 400 MB, and saves a third of one.
   command.emplace_back("--no-precompiled-header");
+  require_layers(command, folders);
   return command;
 }
 
@@ -40,6 +48,7 @@ std::vector<std::string> self_test_command(const LaneFolders& folders, const upd
       "--log",         folders.log(), "--report",     folders.report()};
   if (manifest.kind == update::PackageKind::add)
     command.push_back("--added-nodes=" + folders.added_nodes().string());
+  require_layers(command, folders);
   return command;
 }
 

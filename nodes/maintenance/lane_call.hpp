@@ -15,10 +15,11 @@ namespace srfs {
 /// How `srfs-lane` (programs/lane) is called and what it answers. Pure.
 
 struct LaneFolders {
-  std::filesystem::path program;  ///< srfs-lane
-  std::filesystem::path prefix;   ///< the installed SRFS that is built against
-  std::filesystem::path work;     ///< everything below belongs to one update, and goes with it
-  std::filesystem::path lane;     ///< the lane's own, which keeps what it has precompiled
+  std::filesystem::path program;      ///< srfs-lane
+  std::filesystem::path prefix;       ///< the installed SRFS that is built against
+  std::filesystem::path work;         ///< everything below belongs to one update, and goes with it
+  std::filesystem::path lane;         ///< the lane's own, which keeps what it has precompiled
+  std::vector<std::string> required;  ///< layers of the sandbox without which nothing is run
 
   [[nodiscard]] std::filesystem::path sources() const { return work / "sources"; }
   [[nodiscard]] std::filesystem::path built(const std::string& node) const { return work / node; }

@@ -114,8 +114,16 @@ void MaintenanceNode::close_packages() {
 
 LaneFolders MaintenanceNode::lane_folders() const {
   const auto bin = suite::suite_bin_folder();
-  return {bin / "srfs-lane", bin.parent_path(), std::filesystem::absolute(var().root) / "update" / "job",
-          std::filesystem::absolute(var().root) / "update" / "lane"};
+  const auto var_folder = std::filesystem::absolute(var().root);
+  LaneFolders folders{bin / "srfs-lane",
+                      bin.parent_path(),
+                      var_folder / "update" / "job",
+                      var_folder / "update" / "lane",
+                      {}};
+  const auto line = deployment().devices.find("rs422");
+  if (line != deployment().devices.end() && suite::is_hardware_line(line->second, var_folder))
+    folders.required = {"user", "files", "processes", "network", "system_calls", "limits"};
+  return folders;
 }
 
 IntakeRules MaintenanceNode::intake_rules() const {

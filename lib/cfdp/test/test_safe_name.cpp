@@ -25,6 +25,15 @@ TEST(SafeName, WritesEverythingElseAsItsOctets) {
   EXPECT_EQ(safe_name("a/-rf/b-c"), "a/%2Drf/b-c");
 }
 
+TEST(SafeName, GivesNoFileALibrarysName) {
+  EXPECT_EQ(safe_name("libfmt.so"), "libfmt%2Eso");
+  EXPECT_EQ(safe_name("a/libfmt.so.9.1"), "a/libfmt%2Eso.9.1");
+  EXPECT_EQ(safe_name("x.so.so"), "x%2Eso%2Eso");
+  EXPECT_EQ(safe_name("d.so/f"), "d%2Eso/f");
+  EXPECT_EQ(safe_name("a.song"), "a.song");
+  EXPECT_NE(safe_name("x%2Eso"), safe_name("x.so"));
+}
+
 TEST(SafeName, KeepsDifferentNamesDifferent) {
   std::set<std::string> names;
   for (int octet = 1; octet < 256; ++octet) names.insert(safe_name(std::string(1, static_cast<char>(octet))));

@@ -12,8 +12,8 @@ using testing::Contains;
 using testing::HasSubstr;
 using testing::Not;
 
-const LaneFolders folders{"/opt/srfs/bin/srfs-lane", "/opt/srfs", "/var/srfs/update/job",
-                          "/var/srfs/update/lane"};
+const LaneFolders folders{
+    "/opt/srfs/bin/srfs-lane", "/opt/srfs", "/var/srfs/update/job", "/var/srfs/update/lane", {}};
 
 update::Manifest manifest() {
   update::Manifest m;
@@ -39,6 +39,18 @@ TEST(LaneCallTest, the_self_test_gets_what_was_built_and_the_time_of_the_manifes
   EXPECT_THAT(command, Contains(folders.built("payload_eps").string()));
   EXPECT_THAT(command, Contains("7"));
   EXPECT_THAT(command, Contains("/etc/srfs/sim.yaml"));
+}
+
+TEST(LaneCallTest, layers_of_the_sandbox_that_are_required_are_the_last_words) {
+  LaneFolders board = folders;
+  board.required = {"user", "files"};
+  for (const auto& command :
+       {build_command(board, manifest()), self_test_command(board, manifest(), "/d.yaml")}) {
+    ASSERT_GT(command.size(), 3U);
+    EXPECT_EQ(std::vector<std::string>(command.end() - 3, command.end()),
+              (std::vector<std::string>{"--require", "user", "files"}));
+  }
+  EXPECT_THAT(build_command(folders, manifest()), Not(Contains("--require")));
 }
 
 TEST(LaneCallTest, a_report_of_success_has_the_program_s_digest_and_size) {
