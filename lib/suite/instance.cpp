@@ -135,6 +135,8 @@ Result<void, std::string> VarPaths::make_run_folder() const {
   std::filesystem::create_directories(root, ec);
   if (const auto made = open_private_folder(run(), true, owner()); !made) return Err(made.error().message);
   const auto chosen = memory();
+  // A link to a runtime folder that is gone (its user has logged out) is in the way of the folder itself.
+  if (chosen == memory_link() && std::filesystem::is_symlink(chosen, ec)) std::filesystem::remove(chosen, ec);
   if (chosen == memory_link() || std::filesystem::read_symlink(memory_link(), ec) == chosen) return {};
   // An older choice is gone with its folder. One that cannot be noted is made again, equally.
   std::filesystem::remove(memory_link(), ec);

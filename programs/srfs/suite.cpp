@@ -306,6 +306,7 @@ DownReport down_locked(const Target& target, milliseconds patience) {
     std::filesystem::remove(target.var.environment_file(), ec);
     std::filesystem::remove_all(target.var.memory(), ec);
     std::filesystem::remove(target.var.memory_link(), ec);
+    std::filesystem::remove(target.var.run() / "domains", ec);  // there where the user has no other place
     std::filesystem::remove(target.var.starting_lock(), ec);
     std::filesystem::remove(target.var.stopping_flag(), ec);
   }
