@@ -47,6 +47,7 @@ class RescueTest(SystemTest):
             self.assertEqual(rescue.bring_back(board, pristine, damaged), "")
             wait_until(lambda: board.ping(2), DEADLINE_S, "ttc answers with the same counters")
             self.assertEqual(board.speaker(), "suite")
+            self.assertTrue(board.order("boot.step_up")[0])
 
 
 if __name__ == "__main__":

@@ -25,8 +25,8 @@ struct PackageIntakeTest : testing::Test {
   testing_support::TemporaryFolder folder;
   update::SigningSeed seed{1, 2, 3};
   IntakeRules rules{folder.path() / "files", folder.path() / "package.pub", {"payload_eps", "ttc"}, {}};
-  LaneFolders folders{"srfs-lane", "/opt/srfs", folder.path() / "update" / "job",
-                      folder.path() / "update" / "lane"};
+  LaneFolders folders{
+      "srfs-lane", "/opt/srfs", folder.path() / "update" / "job", folder.path() / "update" / "lane", {}};
   update::UpdateJournal journal;
 
   PackageIntakeTest() {
