@@ -4,8 +4,6 @@
 
 #include <algorithm>
 #include <array>
-#include <atomic>
-#include <cerrno>
 #include <chrono>
 
 #include <fcntl.h>
@@ -17,10 +15,10 @@
 #include "base/file.hpp"
 #include "base/text.hpp"
 #include "base/time.hpp"
-#include "image/file/frame_file.hpp"
-#include "image/photograph/photograph.hpp"
+#include "image/file/fits.hpp"
 #include "image/picture.hpp"
 #include "image/product/frame_strips.hpp"
+#include "image/product/png.hpp"
 #include "image/product/star_list.hpp"
 
 namespace srfs::ground::api {
@@ -30,6 +28,9 @@ constexpr std::size_t page_octets_max = 16U << 20;
 constexpr std::size_t file_octets_max = 64U << 20;
 constexpr std::size_t files_max = 5000;
 constexpr int picture_width_most = 2048;
+constexpr std::string_view png_mark = "\x89PNG";
+constexpr std::string_view jpeg_mark = "\xFF\xD8\xFF";
+constexpr std::string_view fits_mark = "SIMPLE  =";
 
 struct Kind {
   std::string_view ending;
@@ -71,7 +72,9 @@ OctetView octets_of(const std::string& text) {
 std::string type_of(const std::string& name, const std::string& content) {
   if (content.starts_with("SRFSTARS")) return "stars";
   if (name.ends_with(".strips")) return "strips";
-  if (image::is_photograph(octets_of(content))) return "picture";
+  for (const std::string_view mark : {png_mark, jpeg_mark, fits_mark}) {
+    if (content.starts_with(mark)) return "picture";
+  }
   if (name.ends_with(".json")) return "findings";
   if (name.ends_with(".txt") || name.ends_with(".csv") || name.ends_with(".log") || name.ends_with(".yaml"))
     return "text";
@@ -87,29 +90,23 @@ std::string type_of_file(const std::filesystem::path& path) {
   return type_of(path.filename().string(), head);
 }
 
-/// PNG is written by its library into a file.
 HttpResponse png_of(const image::Plane& pixels) {
-  static std::atomic<unsigned> number{0};
-  const auto path = std::filesystem::temp_directory_path() / fmt::format("srfs_web_{}_XXXXXX", number++);
-  std::string name = path.string();
-  const Fd file(::mkstemp(name.data()));
-  if (!file) return error_response(503, fmt::format("no temporary file: {}", errno_text(errno)));
-  const auto written = image::write_png(name, image::thumbnail(pixels, picture_width_most));
-  auto content = written ? read_file(name, file_octets_max) : Err(FileError{written.error().reason});
-  ::unlink(name.c_str());
-  if (!content) return error_response(503, content.error().message);
-  return {.status = 200, .type = "image/png", .body = std::move(*content)};
+  const auto png = image::encode_png(image::thumbnail(pixels, picture_width_most));
+  if (!png) return error_response(500, png.error().reason);
+  return {.status = 200, .type = "image/png", .body = {png->begin(), png->end()}};
 }
 
-HttpResponse as_png(const std::string& name, const std::string& content) {
+/// What a browser shows: PNG and JPEG as they are; FITS and strips as PNG.
+HttpResponse as_picture(const std::string& name, const std::string& content) {
+  if (content.starts_with(png_mark)) return {.status = 200, .type = "image/png", .body = content};
+  if (content.starts_with(jpeg_mark)) return {.status = 200, .type = "image/jpeg", .body = content};
   const OctetView octets = octets_of(content);
-  if (image::is_photograph(octets)) {
-    const auto frame = image::decode_photograph(octets);
-    if (!frame) return error_response(409, name + ": " + frame.error().reason);
-    return png_of(image::in_16_bits(*frame).pixels);
+  if (content.starts_with(fits_mark)) {
+    const auto frame = image::decode_fits(octets);
+    return frame ? png_of(frame->pixels) : error_response(409, name + ": " + frame.error().reason);
   }
   const auto strips = image::decode_strips(octets);
-  if (!strips) return error_response(409, name + ": no picture: " + strips.error().reason);
+  if (!strips) return error_response(409, name + ": no picture that is shown here: " + strips.error().reason);
   return png_of(strips->frame.pixels);
 }
 
@@ -186,7 +183,7 @@ HttpResponse received_file(const std::filesystem::path& folder, const std::strin
     return error_response(404, "no such file");
   auto content = read_below(folder / name, file_octets_max);
   if (!content) return error_response(404, "no file of this name was received, or it is longer than 64 MiB");
-  if (view == "png") return as_png(name, *content);
+  if (view == "png") return as_picture(name, *content);
   if (view == "json") return as_json(name, *content);
   if (!view.empty()) return error_response(400, "'view': expected png or json");
   // What the spacecraft sends is never a page of this site.

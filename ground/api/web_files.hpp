@@ -14,7 +14,8 @@ namespace srfs::ground::api {
 /// Files that came down (STATE/files): [{name, octets, time, type: picture | strips | stars | findings | text
 /// | octets}].
 [[nodiscard]] nlohmann::json list_files(const std::filesystem::path& folder);
-/// One of them. @param view  "": as it is; "png": a picture; "json": what a product contains
+/// One of them. @param view  "": as it is; "png": a picture that browsers show; "json": what a product
+/// contains
 [[nodiscard]] HttpResponse received_file(const std::filesystem::path& folder, const std::string& name,
                                          const std::string& view);
 

@@ -186,7 +186,14 @@ class WebTest(SystemTest):
             self.assertEqual((self.var / "files/up.bin").read_bytes(), content)
             (self.var / "ground/files/note.txt").write_text("hello")
             self.assertEqual(web.ask("GET", "/api/v1/files/note.txt", raw=True), (200, b"hello"))
-            self.assertIn("note.txt", [f["name"] for f in web.ask("GET", "files")[1]])
+            card = lambda text: text.ljust(80).encode()  # noqa: E731
+            fits = [card("SIMPLE  =                    T"), card("BITPIX  =                   16"), card("NAXIS   =                    2")]
+            fits += [card("NAXIS1  =                   64"), card("NAXIS2  =                   64"), card("END")]
+            (self.var / "ground/files/a.fits").write_bytes(b"".join(fits).ljust(2880) + (bytes(range(256)) * 32).ljust(3 * 2880, b"\0"))
+            self.assertEqual({f["name"]: f["type"] for f in web.ask("GET", "files")[1]}, {"note.txt": "text", "a.fits": "picture"})
+            status, picture = web.ask("GET", "/api/v1/files/a.fits?view=png", raw=True)
+            self.assertEqual((status, picture[:4]), (200, b"\x89PNG"))
+            self.assertEqual(web.ask("GET", "/api/v1/files/note.txt?view=png", raw=True)[0], 409)
             # An event is acknowledged, once.
             event = web.ask("GET", "events?limit=1")[1][0]
             self.assertEqual(web.ask("POST", f"events/{event['id']}/acknowledge", {"who": "Ada"})[0], 200)
