@@ -135,8 +135,8 @@ void AdService::on_control_word(std::uint32_t word, MonotonicTime now) {
   } else if (fop_.state() == FopState::initialising_with_bc && !by_unlock_ && clcw->lockout) {
     // Set V(R) has no effect on a FARM-1 that is locked out.
     fop_.terminate(0, now);
+    problem_ = "FARM-1 is locked out: unlock";
     settle(now);
-    end("FARM-1 is locked out: unlock");
   }
   fop_.on_clcw(*clcw, now);
   settle(now);
@@ -214,12 +214,14 @@ void AdService::settle(MonotonicTime now) {
     fop_.request_ad(next.tag, std::move(next.packet), now);
     while (auto signal = fop_.next_signal()) pass_on(std::move(*signal));
   }
+  if (told_phase_ != phase() || told_state_ != fop_.state() || told_flags_ != flags_of(clcw_)) {
+    told_phase_ = phase();
+    told_state_ = fop_.state();
+    told_flags_ = flags_of(clcw_);
+    signals_.push_back({.kind = AdSignal::Kind::changed});
+  }
+  // After the reason: who hears that its telecommand was not sent may not listen any more.
   if (phase() == AdPhase::off && !queue_.empty()) end(problem_);
-  if (told_phase_ == phase() && told_state_ == fop_.state() && told_flags_ == flags_of(clcw_)) return;
-  told_phase_ = phase();
-  told_state_ = fop_.state();
-  told_flags_ = flags_of(clcw_);
-  signals_.push_back({.kind = AdSignal::Kind::changed});
 }
 
 void AdService::pass_on(FopSignal signal) {

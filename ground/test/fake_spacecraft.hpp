@@ -33,6 +33,14 @@ inline suite::LinkSettings secured_link() {
   return link;
 }
 
+/// As `sim` has it: a second association, for AD frames, and strict.
+inline suite::LinkSettings strict_link() {
+  suite::LinkSettings link = secured_link();
+  link.channels.push_back({0, suite::ChannelSecurity::sdls, 2, "keys/tc_uplink_ad.key"});
+  link.tc_strict = true;
+  return link;
+}
+
 /// The spacecraft's end of the link, as seen from the ground: decodes telecommands and frames telemetry.
 /// Input and output are octets.
 class FakeSpacecraft {

@@ -158,13 +158,6 @@ suite::LinkSettings link_with_sets() {
   return link;
 }
 
-suite::LinkSettings strict_link() {
-  suite::LinkSettings link = secured_link();
-  link.channels.push_back({0, suite::ChannelSecurity::sdls, 2, "keys/tc_uplink_ad.key"});
-  link.tc_strict = true;
-  return link;
-}
-
 TEST(Uplink, OnAStrictLinkEveryCounterCarriesTheTimeAndAllAssociationsHaveOneOrder) {
   const VarFolder var;
   FakeSpacecraft spacecraft(strict_link());

@@ -107,7 +107,7 @@ class DebianPackageTest(unittest.TestCase):
         units = self.folder / "units"
         shutil.copytree(self.root / "usr/lib/systemd/system", units)
         for unit in units.iterdir():  # the package is not installed, so verify with the unpacked paths
-            unit.write_text(unit.read_text().replace("=/opt/srfs/bin/", f"={self.root}/opt/srfs/bin/"))
+            unit.write_text(unit.read_text().replace("=/opt/srfs/", f"={self.root}/opt/srfs/"))
         done = subprocess.run(["systemd-analyze", "verify", "--man=no", *map(str, units.iterdir())], capture_output=True, text=True,
                               env={**os.environ, "SYSTEMD_UNIT_PATH": f"{units}:"}, timeout=60)  # fmt: skip
         self.assertEqual([line for line in done.stderr.splitlines() if "srfs" in line], [])
