@@ -101,12 +101,15 @@ StepRecord on_measures_taken(StepRecord record, BootStep step) {
 StepRecord on_healthy(StepRecord record) {
   record.starts = 0;
   record.applied = BootStep::normal;
+  // A healthy suite is not in rescue, however it was started.
+  if (record.step == BootStep::rescue) change_step(record, BootStep::golden, StepCause::calm);
   return record;
 }
 
 StepRecord on_calm(StepRecord record) {
+  const bool was_in_rescue = record.step == BootStep::rescue;
   record = on_healthy(std::move(record));
-  if (record.step == BootStep::normal) return record;
+  if (record.step == BootStep::normal || was_in_rescue) return record;
   change_step(record, static_cast<BootStep>(static_cast<std::uint8_t>(record.step) - 1), StepCause::calm);
   return record;
 }

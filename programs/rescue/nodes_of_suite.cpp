@@ -65,7 +65,8 @@ bool end_suite(const std::filesystem::path& var) {
   return !suite_runs(var);
 }
 
-std::string run_program(const std::vector<std::string>& command, nanoseconds limit) {
+std::string run_program(const std::vector<std::string>& command, nanoseconds limit,
+                        const std::function<void()>& meanwhile) {
   std::vector<char*> arguments;
   arguments.reserve(command.size() + 1);
   for (const std::string& word : command) arguments.push_back(const_cast<char*>(word.c_str()));
@@ -82,6 +83,7 @@ std::string run_program(const std::vector<std::string>& command, nanoseconds lim
       waitpid(pid, &status, 0);
       return "srfs up did not end in its time";
     }
+    meanwhile();
     pause_for(between_looks);
   }
   if (WIFSIGNALED(status)) return fmt::format("srfs up: signal {}", WTERMSIG(status));

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <filesystem>
+#include <functional>
 #include <string>
 #include <vector>
 
@@ -17,7 +18,9 @@ namespace srfs::rescue {
 bool end_suite(const std::filesystem::path& var);
 
 /// Runs a program that has this process' standard output. Blocks until it ends, @p limit at most; then it is
-/// killed. @return empty: exit code 0 or 1 (some nodes came, the ring goes on); else what went wrong
-[[nodiscard]] std::string run_program(const std::vector<std::string>& command, nanoseconds limit);
+/// killed. @param meanwhile  called several times a second. @return empty: exit code 0 or 1 (some nodes came,
+/// the ring goes on); else what went wrong
+[[nodiscard]] std::string run_program(const std::vector<std::string>& command, nanoseconds limit,
+                                      const std::function<void()>& meanwhile);
 
 }  // namespace srfs::rescue

@@ -23,13 +23,28 @@ bool is_hardware(const std::string& watchdog) {
   return watchdog.starts_with("dev:");
 }
 
-/// From here on a start that hangs ends in a reset: timing takes the device over.
-void arm_watchdog(const suite::RescueSettings& settings) {
-  if (!is_hardware(settings.watchdog)) return;
-  const auto watchdog =
-      hw::open_watchdog(settings.watchdog, settings.var, seconds(settings.watchdog_timeout_s));
-  if (!watchdog || !(*watchdog)->feed()) log::error("the watchdog could not be armed before the start");
-}
+/// Feeds the watchdog while the suite starts, until timing has it: a start may take longer than its time-out,
+/// and is bounded by longest_start. This program hanging, or the kernel, ends in a reset.
+class WatchdogOfAStart {
+ public:
+  explicit WatchdogOfAStart(const suite::RescueSettings& settings)
+      : settings_(settings), ours_(is_hardware(settings.watchdog)) {}
+  void feed() {
+    const MonotonicTime now = monotonic_now();
+    if (!ours_ || now < next_) return;
+    next_ = now + between_feeds;
+    // Closed at once, so that timing can open it; closing does not disarm it.
+    const auto watchdog =
+        hw::open_watchdog(settings_.watchdog, settings_.var, seconds(settings_.watchdog_timeout_s));
+    ours_ = watchdog && (*watchdog)->feed();
+  }
+
+ private:
+  static constexpr milliseconds between_feeds{2000};
+  const suite::RescueSettings& settings_;
+  bool ours_;
+  MonotonicTime next_;
+};
 
 }  // namespace
 
@@ -64,10 +79,10 @@ void Starter::take_measures(suite::BootStep step) {
 }
 
 std::string Starter::start_suite() const {
-  arm_watchdog(settings_);
+  WatchdogOfAStart watchdog(settings_);
   return run_program({settings_.program, "--deployment", settings_.deployment, "--var", settings_.var, "up",
                       "--deadline", patience_of_a_start_s},
-                     longest_start);
+                     longest_start, [&watchdog] { watchdog.feed(); });
 }
 
 std::optional<int> Starter::be_on_the_line() {
