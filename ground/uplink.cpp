@@ -135,8 +135,12 @@ bool UplinkState::is_foreign(std::uint16_t spi, std::uint64_t value) const {
 }
 
 bool UplinkState::is_believable(std::uint16_t spi, std::uint64_t value) const {
-  const std::uint64_t from = std::max(next_counter(spi), clock_floor_);
-  return value <= from || value - from <= static_cast<std::uint64_t>(believable_ahead.count());
+  const auto ahead = static_cast<std::uint64_t>(believable_ahead.count());
+  const std::uint64_t next = next_counter(spi);
+  // Of the clock, not of the last counter: forged beacons must not add up.
+  if (one_order_) return value < next || value <= clock_floor_ + ahead;
+  const std::uint64_t from = std::max(next, clock_floor_);
+  return value <= from || value - from <= ahead;
 }
 
 std::uint64_t UplinkState::next_counter(std::uint16_t spi) const {

@@ -243,10 +243,13 @@ HttpResponse Gateway::send(const TelecommandRequest& order) {
   const std::string token = fmt::format("{}-{}", token_prefix_, next_tag_);
   if (!order.arm) return dispatch(order, token);
   if (armings_.size() >= armings_max) return error_response(429, "too many telecommands are being armed");
+  // Armed now, it would be refused at its release: an arming lasts half a minute.
+  if (order.at)
+    return error_response(409,
+                          "a hazardous telecommand with a time is armed on board shortly before it: "
+                          "srfs-ground arm --at, then send it without \"arm\"");
   const std::uint64_t tag = next_tag_++;
   armings_[tag] = {order, token, std::nullopt};
-  std::optional<UtcTime> release;
-  if (order.at) release = order.at->at(system_utc_now());
   const auto armed = station_->arm(order.name, order.arguments, std::nullopt, tag);
   if (!armed) {
     armings_.erase(tag);

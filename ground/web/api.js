@@ -27,9 +27,12 @@ export class Api {
     }
     let response;
     try {
-      response = await fetch(`api/v1/${path}`, { method, headers, body, cache: "no-store" });
+      // What waits (a browser has six connections to a server) must not go up later.
+      const signal = AbortSignal.timeout(body instanceof Blob ? 600_000 : 15_000);
+      response = await fetch(`api/v1/${path}`, { method, headers, body, cache: "no-store", signal });
     } catch {
-      throw new ApiError(0, { error: "the server does not answer" });
+      const error = method === "GET" ? "the server does not answer" : "no answer: not known whether it was sent, see the list";
+      throw new ApiError(0, { error });
     }
     if (!response.ok) {
       let answer = {};

@@ -122,7 +122,8 @@ TEST(DictionaryAsJson, SaysAllOfTelecommandsStructuresAndEvents) {
 }
 
 TEST(DictionaryAsJson, NamesItsParametersAsDecodedValuesAreNamed) {
-  for (const auto& each : to_json(dictionary())["structures"]) {
+  const auto json = to_json(dictionary());
+  for (const auto& each : json["structures"]) {
     const auto* structure = dictionary().structure(each["name"].get<std::string>());
     ASSERT_NE(structure, nullptr);
     if (structure->kind != mission::StructureKind::housekeeping) continue;

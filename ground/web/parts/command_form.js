@@ -93,7 +93,7 @@ export class CommandForm {
     form.addEventListener("keydown", (event) => {
       if (event.key === "Enter" && (event.ctrlKey || event.metaKey)) {
         event.preventDefault();
-        this.submit();
+        if (!event.repeat) this.submit();
       }
     });
     return form;
@@ -176,6 +176,7 @@ export class CommandForm {
       this.confirm.value = "";
       model.own.add(answer.token);
       this.on_sent?.(answer);
+      await new Promise((done) => setTimeout(done, 1000)); // a double click sends once
     } catch (error) {
       set_text(this.problem, error.message);
       toast(`${this.telecommand.name}: ${error.message}`, "failed");
