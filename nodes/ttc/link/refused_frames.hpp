@@ -30,11 +30,15 @@ class RefusedFrames {
     const auto due = next_due(counters);
     if (!due || now < *due) return std::nullopt;
     const bool quiet = !reported_at_ || now - *reported_at_ >= 2 * period;
+    // Forged frames have no counter of their own.
+    const bool with_counter = counters.replayed != reported_.replayed ||
+                              counters.too_old != reported_.too_old ||
+                              counters.counter_out_of_range != reported_.counter_out_of_range;
     const Sum sum{.not_authentic = counters.not_authentic - reported_.not_authentic,
                   .replayed = counters.replayed - reported_.replayed,
                   .too_old = counters.too_old - reported_.too_old,
                   .counter_out_of_range = counters.counter_out_of_range - reported_.counter_out_of_range,
-                  .newest_counter = counters.refused_counter,
+                  .newest_counter = with_counter ? counters.refused_counter : 0,
                   .since = quiet ? seconds(0) : std::chrono::duration_cast<seconds>(now - *reported_at_)};
     reported_ = counters;
     reported_at_ = now;
