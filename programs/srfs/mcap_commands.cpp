@@ -94,12 +94,8 @@ class Recorder {
 
   /// Nothing comes in any longer; the file gets its end.
   void finish() {
-    for (const auto& [topic, subscribed] : subscribed_) {
-      const ros::InputStats stats = subscribed.subscription->stats();
-      lost_ += stats.lost + stats.malformed;
-    }
     topics_ = subscribed_.size();
-    subscribed_.clear();
+    while (!subscribed_.empty()) unsubscribe(subscribed_.begin()->first);
     look_.reset();
     end_chunk_.reset();
     if (failure_.empty()) store(writer_.finish());
@@ -113,6 +109,7 @@ class Recorder {
 
  private:
   struct Subscribed {
+    std::string type;
     bool best_effort;
     std::unique_ptr<ros::SerializedSubscription> subscription;
   };
@@ -124,8 +121,13 @@ class Recorder {
       const std::string topic = ends.topic.substr(2);
       if (!is_wanted(topic, recording_.topics)) continue;
       const auto known = subscribed_.find(topic);
-      if (known != subscribed_.end() && (known->second.best_effort || !ends.best_effort)) continue;
-      subscribe(topic, type, ends);
+      if (known == subscribed_.end()) {
+        subscribe(topic, type, ends);
+      } else if (known->second.type != type) {
+        refuse(topic, type);
+      } else if (ends.best_effort && !known->second.best_effort) {
+        subscribe(topic, type, ends);
+      }
     }
   }
 
@@ -140,19 +142,32 @@ class Recorder {
                        .transient_local = ends.transient_local,
                        .largest_octets = static_cast<std::size_t>(recording_.largest_mib << 20),
                        .best_effort = ends.best_effort};
-    subscribed_.erase(topic);
+    unsubscribe(topic);
     try {
-      subscribed_[topic] = {ends.best_effort,
+      subscribed_[topic] = {type, ends.best_effort,
                             std::make_unique<ros::SerializedSubscription>(
                                 executor_, participant_, topic, type, qos, ros::Priority::normal,
                                 [this, id = *channel](OctetView octets, const ros::MessageInfo& info) {
                                   on_message(id, octets, info);
                                 })};
     } catch (const std::runtime_error&) {
-      // Another type of the topic is recorded already.
-      if (refused_.insert(topic + " " + type).second)
-        fmt::print(stderr, "srfs record: {} is not recorded as {}: it has two types\n", topic, type);
+      refuse(topic, type);
     }
+  }
+
+  /// Another type of the topic is recorded already.
+  void refuse(const std::string& topic, const std::string& type) {
+    if (refused_.insert(topic + " " + type).second)
+      fmt::print(stderr, "srfs record: {} is not recorded as {}: it has two types\n", topic, type);
+  }
+
+  /// What it lost stays counted.
+  void unsubscribe(const std::string& topic) {
+    const auto known = subscribed_.find(topic);
+    if (known == subscribed_.end()) return;
+    const ros::InputStats stats = known->second.subscription->stats();
+    lost_ += stats.lost + stats.malformed;
+    subscribed_.erase(known);
   }
 
   void on_message(std::uint16_t channel, OctetView octets, const ros::MessageInfo& info) {
