@@ -328,11 +328,15 @@ void TtcCore::on_journal_written(const JournalBatch& batch, const Result<void, F
                journal_name);
 }
 
+void TtcCore::note_journal_late() {
+  note_storage(remembered_.journal_durable, false, "the journal of telecommands is not on disk",
+               journal_name);
+}
+
 void TtcCore::execute_passed() {
   for (JudgedTelecommand& judged : gate_.take_passed()) {
     if (!judged.durable) {
-      note_storage(remembered_.journal_durable, false, "the journal of telecommands is not on disk",
-                   journal_name);
+      note_journal_late();
       uplink_.on_stored(uplink_.state());
     }
     settle_action(judged);
@@ -350,7 +354,8 @@ void TtcCore::execute_passed() {
 }
 
 void TtcCore::send_released() {
-  for (const Report& report : gate_.take_released()) {
+  for (const auto& [report, sure] : gate_.take_released()) {
+    if (!sure) note_journal_late();
     send(report);
     if (report.ends != 0) journal_.on_end_said(report.ends);
   }

@@ -386,6 +386,7 @@ class TtcCore {
   void persist_journal(bool sync_all = false);
   void execute_passed();
   void send_released();
+  void note_journal_late();
   /// What was reported since the last call goes into the journal.
   void record_progress();
   void raise_counters();

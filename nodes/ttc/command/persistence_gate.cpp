@@ -20,9 +20,10 @@ bool PersistenceGate::enter(JudgedTelecommand judged, std::uint64_t generation, 
 }
 
 void PersistenceGate::hold(Report report, std::uint64_t generation, MonotonicTime now) {
-  held_.push_back(Held{.report = std::move(report), .generation = generation, .deadline = now + deadline_});
-  if (held_.size() > held_capacity) release_front();
-  while (!held_.empty() && held_.front().generation <= durable_) release_front();
+  held_.push_back(Held{
+      .report = std::move(report), .generation = generation, .deadline = now + report_deadlines * deadline_});
+  if (held_.size() > held_capacity) release_front(false);
+  while (!held_.empty() && held_.front().generation <= durable_) release_front(true);
 }
 
 void PersistenceGate::on_write_done(bool success, MonotonicTime now) {
@@ -35,13 +36,13 @@ void PersistenceGate::on_write_done(bool success, MonotonicTime now) {
     retry_ = now + retry_period;
   }
   while (!waiting_.empty() && waiting_.front().generation <= generation) pass_front(success);
-  while (!held_.empty() && held_.front().generation <= generation) release_front();
+  while (!held_.empty() && held_.front().generation <= generation) release_front(success);
 }
 
 void PersistenceGate::on_time(MonotonicTime now) {
   if (retry_ && *retry_ <= now) retry_.reset();
   while (!waiting_.empty() && waiting_.front().received + deadline_ <= now) pass_front(false);
-  while (!held_.empty() && held_.front().deadline <= now) release_front();
+  while (!held_.empty() && held_.front().deadline <= now) release_front(false);
 }
 
 std::optional<MonotonicTime> PersistenceGate::next_due() const {
@@ -52,8 +53,8 @@ std::optional<MonotonicTime> PersistenceGate::next_due() const {
   return due;
 }
 
-void PersistenceGate::release_front() {
-  released_.push_back(std::move(held_.front().report));
+void PersistenceGate::release_front(bool sure) {
+  released_.push_back({std::move(held_.front().report), sure});
   held_.pop_front();
 }
 

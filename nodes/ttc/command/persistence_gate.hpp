@@ -23,12 +23,15 @@ struct GateCounters {
 
 /// Holds telecommands back until the journal that brings them back and excludes their repetition is on disk,
 /// at most for a deadline; and in the same way the reports of their ends, or a crash could make another end.
+/// Reports wait longer than telecommands: a slow disk delays them, and nothing waits for them on board.
 /// One write at a time; it covers everything that came before it began.
 class PersistenceGate {
  public:
   static constexpr std::size_t capacity = 64;
   /// More reports than this leave unsure, the oldest first.
   static constexpr std::size_t held_capacity = 256;
+  /// Reports wait for so many deadlines.
+  static constexpr int report_deadlines = 5;
 
   /// After a failed write the next one begins no sooner.
   static constexpr milliseconds retry_period{1000};
@@ -59,8 +62,12 @@ class PersistenceGate {
   [[nodiscard]] std::optional<MonotonicTime> next_due() const;
 
   [[nodiscard]] std::vector<JudgedTelecommand> take_passed() { return std::exchange(passed_, {}); }
+  struct Released {
+    Report report;
+    bool sure = true;  ///< false: after a crash there may be another end
+  };
   /// Reports that may leave now, in their order.
-  [[nodiscard]] std::vector<Report> take_released() { return std::exchange(released_, {}); }
+  [[nodiscard]] std::vector<Released> take_released() { return std::exchange(released_, {}); }
   [[nodiscard]] const GateCounters& counters() const { return counters_; }
 
  private:
@@ -70,13 +77,13 @@ class PersistenceGate {
     MonotonicTime deadline;
   };
   void pass_front(bool durable);
-  void release_front();
+  void release_front(bool sure);
 
   milliseconds deadline_;
   std::deque<JudgedTelecommand> waiting_;
   std::vector<JudgedTelecommand> passed_;
   std::deque<Held> held_;
-  std::vector<Report> released_;
+  std::vector<Released> released_;
   std::uint64_t durable_;                 ///< generation on disk
   std::optional<std::uint64_t> writing_;  ///< generation of the write under way
   std::optional<MonotonicTime> retry_;    ///< no write before

@@ -433,13 +433,18 @@ TEST(PersistenceGate, HoldsTheReportOfAnEndUntilItsRecordIsOnDisk) {
   gate.on_write_done(true, MonotonicTime{});
   const auto released = gate.take_released();
   ASSERT_EQ(released.size(), 1U);
-  EXPECT_EQ(released[0].ends, 1U);
+  EXPECT_EQ(released[0].report.ends, 1U);
+  EXPECT_TRUE(released[0].sure);
   gate.hold(end_of(3), 1, MonotonicTime{});
   EXPECT_TRUE(gate.take_released().empty()) << "in their order";
 
-  EXPECT_EQ(gate.next_due(), MonotonicTime(milliseconds(1000)));
-  gate.on_time(MonotonicTime(milliseconds(1000)));
-  EXPECT_EQ(gate.take_released().size(), 2U) << "a hanging disk does not keep the ground waiting";
+  EXPECT_EQ(gate.next_due(), MonotonicTime(milliseconds(5000)));
+  gate.on_time(MonotonicTime(milliseconds(4999)));
+  EXPECT_TRUE(gate.take_released().empty()) << "a slow disk makes no end unsure";
+  gate.on_time(MonotonicTime(milliseconds(5000)));
+  const auto unsure = gate.take_released();
+  ASSERT_EQ(unsure.size(), 2U) << "a hanging disk does not keep the ground waiting";
+  EXPECT_FALSE(unsure[0].sure);
 }
 
 TEST(PersistenceGate, AFailedWriteReleasesTheReportsThatWaitedForIt) {
@@ -447,7 +452,9 @@ TEST(PersistenceGate, AFailedWriteReleasesTheReportsThatWaitedForIt) {
   gate.hold(end_of(1), 1, MonotonicTime{});
   gate.on_write_begun(1);
   gate.on_write_done(false, MonotonicTime{});
-  EXPECT_EQ(gate.take_released().size(), 1U);
+  const auto released = gate.take_released();
+  ASSERT_EQ(released.size(), 1U);
+  EXPECT_FALSE(released[0].sure);
 }
 
 TEST(PersistenceGate, BeyondItsBoundTheOldestReportLeavesUnsure) {
@@ -456,7 +463,8 @@ TEST(PersistenceGate, BeyondItsBoundTheOldestReportLeavesUnsure) {
     gate.hold(end_of(id), 1, MonotonicTime{});
   const auto released = gate.take_released();
   ASSERT_EQ(released.size(), 1U);
-  EXPECT_EQ(released[0].ends, 0U);
+  EXPECT_EQ(released[0].report.ends, 0U);
+  EXPECT_FALSE(released[0].sure);
 }
 
 TEST(PersistenceGate, AFailingOrHangingDiskLetsTelecommandsPassAsNotDurable) {
