@@ -23,6 +23,7 @@
 #include <sys/file.h>
 #include <sys/prctl.h>
 #include <sys/resource.h>
+#include <sys/socket.h>
 #include <sys/stat.h>
 #include <sys/syscall.h>
 #include <sys/wait.h>
@@ -35,10 +36,12 @@
 #include "base/process.hpp"
 #include "base/time.hpp"
 #include "suite/added_nodes.hpp"
+#include "suite/confinement.hpp"
 #include "suite/node_versions.hpp"
 #include "suite/real_time.hpp"
 #include "suite/ring/fault_ledger.hpp"
 #include "suite/ring/node_record.hpp"
+#include "suite/starter.hpp"
 #include "suite/state_files.hpp"
 
 namespace srfs::suite {
@@ -48,6 +51,7 @@ constexpr off_t largest_log = 4 << 20;
 constexpr rlim_t open_files = 1024;
 constexpr rlim_t most_open_files = 4096;
 constexpr rlim_t stack_octets = 8U << 20;
+constexpr rlim_t foreign_file_octets = 128U << 20;  // of one file
 constexpr rlim_t locked_octets = 64U << 20;
 constexpr unsigned long timer_slack_ns = 50'000;  // the kernel's own default
 constexpr milliseconds longest_exec{1000};
@@ -66,6 +70,13 @@ struct Owner {
   std::vector<gid_t> groups;
 };
 
+/// The node's own starter (starter.hpp); without a program: it has none.
+struct Starter {
+  std::vector<std::string> arguments;
+  std::vector<char*> argv;
+  Fd ours, nodes;  ///< the two ends
+};
+
 /// What the child needs, made before fork: between fork and exec nothing may allocate.
 struct Preparation {
   std::string executable;
@@ -76,6 +87,8 @@ struct Preparation {
   std::string oom_score_adj;
   std::optional<Owner> owner;
   Fd control_group;  ///< its list of processes, opened; none: it stays where its starter is
+  Confinement confinement;
+  Starter starter;
   Fd log;
   Fd null;
 };
@@ -149,8 +162,38 @@ void add_own_libraries(std::vector<std::string>& environment) {
   environment.push_back(std::string(name) + folder);
 }
 
+/// A node that is confined cannot start others itself: it gets a starter, where it may have to start one.
+void prepare_confinement(Preparation& p, const LaunchRequest& request, const NodeEntry& node,
+                         const std::filesystem::path& program, std::uint32_t version) {
+  const auto bin_folder = std::filesystem::absolute(request.bin_folder);
+  const auto waiting = bin_folder / "srfs-starter";
+  const auto starting = bin_folder / "srfs";
+  const Trust trust = trust_in(request.deployment, node, version);
+  const bool has_starter = access(waiting.c_str(), X_OK) == 0 && access(starting.c_str(), X_OK) == 0;
+  if (!has_starter && trust != Trust::foreign) {
+    if (request.deployment.ring.enabled && trust == Trust::own)
+      log::warn("{}: {} is missing, so the node keeps its starter's privileges", node.name, waiting.string());
+    return;
+  }
+  p.confinement = Confinement::make({request.deployment, request.var, node, program, bin_folder}, trust);
+  if (!p.confinement.missing().empty())
+    log::warn("{} is confined without {}", node.name, p.confinement.missing());
+  if (!has_starter || trust == Trust::whole || !request.deployment.ring.enabled) return;
+  int ends[2];
+  if (socketpair(AF_UNIX, SOCK_SEQPACKET | SOCK_CLOEXEC, 0, ends) != 0) return;
+  p.starter = {{waiting.string(), starting.string(), request.deployment.file.string(),
+                std::filesystem::absolute(request.var.root).string(), node.name, to_text(trust)},
+               {},
+               Fd(ends[0]),
+               Fd(ends[1])};
+  for (auto& a : p.starter.arguments) p.starter.argv.push_back(a.data());
+  p.starter.argv.push_back(nullptr);
+  p.environment.push_back(fmt::format("{}={}", starter_variable, starter_fd));
+}
+
 Result<Preparation, std::string> prepare(const LaunchRequest& request, const NodeEntry& node,
-                                         const std::filesystem::path& program, bool in_slot) {
+                                         const std::filesystem::path& program, std::uint32_t version) {
+  const bool in_slot = version != update::golden;
   Preparation p;
   p.executable = program.string();
   if (access(p.executable.c_str(), X_OK) != 0)
@@ -169,6 +212,7 @@ Result<Preparation, std::string> prepare(const LaunchRequest& request, const Nod
   auto owner = owner_of(node);
   if (!owner) return Err(owner.error());
   p.owner = std::move(*owner);
+  prepare_confinement(p, request, node, program, version);
   for (auto& a : p.arguments) p.argv.push_back(a.data());
   for (auto& e : p.environment) p.envp.push_back(e.data());
   p.argv.push_back(nullptr);
@@ -245,9 +289,26 @@ void set_scheduling(const Scheduling& s) {
   syscall(SYS_set_mempolicy, 0, nullptr, 0);  // MPOL_DEFAULT
 }
 
-bool become(const Owner& owner) {
+/// @param capabilities  those of root that Confinement then chooses from are kept
+bool become(const Owner& owner, bool capabilities) {
+  if (capabilities) prctl(PR_SET_KEEPCAPS, 1, 0, 0, 0);
   return setgroups(owner.groups.size(), owner.groups.data()) == 0 &&
          setresgid(owner.gid, owner.gid, owner.gid) == 0 && setresuid(owner.uid, owner.uid, owner.uid) == 0;
+}
+
+/// In a process of its own that init adopts. It has the privileges that the node is about to lose.
+void start_starter(const Preparation& p) {
+  if (!p.starter.ours) return;
+  const pid_t middle = fork();
+  if (middle != 0) {
+    if (middle > 0) waitpid(middle, nullptr, 0);
+    return;
+  }
+  if (fork() != 0) _exit(0);
+  dup2(p.starter.ours.get(), starter_fd);
+  syscall(SYS_close_range, static_cast<unsigned>(starter_fd) + 1U, ~0U, 0U);
+  execve(p.starter.argv[0], p.starter.argv.data(), p.envp.data());
+  _exit(127);
 }
 
 void write_oom_score(const std::string& value) {
@@ -286,8 +347,18 @@ void enter_control_group(int members) {
   set_limits(node);
   set_scheduling(node.scheduling);
   write_oom_score(p.oom_score_adj);
-  if (p.owner && !become(*p.owner)) report_and_exit(pipe_fd, "user");
+  start_starter(p);
+  if (p.confinement.trust() == Trust::foreign) limit(RLIMIT_FSIZE, foreign_file_octets, foreign_file_octets);
+  const bool is_confined = p.confinement.trust() != Trust::whole;
+  if (p.owner && !become(*p.owner, is_confined)) report_and_exit(pipe_fd, "user");
   syscall(SYS_close_range, 3U, ~0U, CLOSE_RANGE_CLOEXEC);
+  if (const char* failed = p.confinement.enter()) report_and_exit(pipe_fd, failed);
+  // The one descriptor that stays; the pipe to the starter of this node must not be in its place.
+  if (p.starter.nodes) {
+    if (pipe_fd == starter_fd) pipe_fd = fcntl(pipe_fd, F_DUPFD_CLOEXEC, starter_fd + 1);
+    if (dup2(p.starter.nodes.get(), starter_fd) < 0) report_and_exit(pipe_fd, "dup2");
+    fcntl(starter_fd, F_SETFD, 0);
+  }
   execve(p.executable.c_str(), p.argv.data(), p.envp.data());
   report_and_exit(pipe_fd, "exec");
 }
@@ -325,7 +396,9 @@ struct StartReport {
       std::memcpy(&failure, buffer + offset, sizeof failure);
       failure.step[sizeof failure.step - 1] = '\0';
       if (std::strcmp(failure.step, "exec") == 0 || std::strcmp(failure.step, "chdir") == 0 ||
-          std::strcmp(failure.step, "dup2") == 0 || std::strcmp(failure.step, "user") == 0)
+          std::strcmp(failure.step, "dup2") == 0 || std::strcmp(failure.step, "user") == 0 ||
+          std::strcmp(failure.step, "no new privs") == 0 || std::strcmp(failure.step, "landlock") == 0 ||
+          std::strcmp(failure.step, "seccomp") == 0)
         break;
     }
     return failure;
@@ -406,7 +479,7 @@ Result<pid_t, std::string> start_version(const LaunchRequest& request, const Nod
   const auto program = in_slot ? std::filesystem::absolute(versions_folder(request.var, node.name) /
                                                            fmt::format("{}.{}", node.name, number))
                                : golden_program(request, node);
-  const auto prepared = prepare(request, node, program, in_slot);
+  const auto prepared = prepare(request, node, program, number);
   if (!prepared) return Err(prepared.error());
   auto process = spawn(*prepared, node);
   if (!process) return Err(process.error());

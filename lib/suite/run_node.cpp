@@ -3,6 +3,7 @@
 #include "suite/run_node.hpp"
 
 #include <algorithm>
+#include <csignal>
 #include <cstdio>
 #include <cstdlib>
 #include <random>
@@ -28,6 +29,7 @@
 #include "suite/ring/membership.hpp"
 #include "suite/ring/node_record.hpp"
 #include "suite/ring/restarter.hpp"
+#include "suite/starter.hpp"
 
 namespace srfs::suite {
 namespace {
@@ -191,13 +193,17 @@ namespace {
 
 /// The node's half of the liveness ring, and the hand it restarts others with.
 struct RingPart {
-  RingPart(Node& node, std::function<void()> exit)
-      : restarter(node.deployment(), node.var(), node.name()),
-        ring(node, {[this](const Accusation& accusation) { return restarter.restart(accusation); },
+  /// @param starter  of this node; nullopt: it has the privileges to start others
+  RingPart(Node& node, std::optional<StarterClient> starter, std::function<void()> exit)
+      : own_starter(std::move(starter)),
+        restarter(node.deployment(), node.var(), node.name()),
+        ring(node, {[this](const Accusation& accusation) { return restart(accusation); },
                     [this](const std::string& subject, std::uint32_t incarnation, MonotonicTime at) {
+                      if (own_starter) return own_starter->recovered(subject, incarnation, at);
                       restarter.on_recovered(subject, incarnation, at);
                     },
                     [this](const std::string& subject, std::uint32_t version) {
+                      if (own_starter) return own_starter->commit(subject, version);
                       restarter.commit(subject, version);
                     },
                     std::move(exit)}) {
@@ -206,6 +212,17 @@ struct RingPart {
     restarter.set_deployment_source([&node]() -> const Deployment& { return node.deployment(); });
   }
 
+  RestartOutcome restart(const Accusation& accusation) {
+    if (!own_starter) return restarter.restart(accusation);
+    auto outcome = own_starter->restart(accusation);
+    if (outcome) return std::move(*outcome);
+    // Useless to the ring like this: the node upstream replaces both.
+    log::error("{}; this process ends, to be started again with one", outcome.error());
+    kill(getpid(), SIGTERM);
+    return {RestartOutcome::What::cannot_start, 0, {}, outcome.error()};
+  }
+
+  std::optional<StarterClient> own_starter;
   Restarter restarter;
   LivenessRing ring;
 };
@@ -238,7 +255,7 @@ void follow_added_nodes(LiveDeployment& live, Node& node, LivenessRing* ring) {
 
 /// Until it is told to stop. @param signals  of the end, on a descriptor
 ExitCode work(ros::Executor& executor, Node& node, LiveDeployment& live, const NodeEntry& entry,
-              const Fd& signals) {
+              const Fd& signals, std::optional<StarterClient> starter) {
   bool stopping = false;
   ExitCode exit_code = ExitCode::stopped;
   const auto signal_watch = executor.add_fd(
@@ -252,7 +269,7 @@ ExitCode work(ros::Executor& executor, Node& node, LiveDeployment& live, const N
       "signals");
   std::optional<RingPart> ring;
   if (live.first().ring.enabled) {
-    ring.emplace(node, [&] {
+    ring.emplace(node, std::move(starter), [&] {
       exit_code = ExitCode::deaf;
       stopping = true;
     });
@@ -284,6 +301,7 @@ void use_dictionary_of(const Deployment& deployment) {
 
 /// @param page this process' heartbeat page, once there is one
 int run(const Arguments& arguments, const NodeFactory& factory, std::optional<HeartbeatPage>& page) {
+  auto starter = StarterClient::of_this_process();
   const Fd signals = termination_signals();
   ignore_broken_pipes();
   const VarPaths var = VarPaths::at(arguments.var);
@@ -330,7 +348,13 @@ int run(const Arguments& arguments, const NodeFactory& factory, std::optional<He
   node->finish_declarations();
   log::info("up: incarnation {}, version {}, pid {}, DDS domain {}", incarnation, version(), getpid(),
             *domain);
-  const ExitCode exit_code = work(executor, *node, live, *entry, signals);
+  const ros::Timer descriptors = executor.add_timer(
+      monotonic_now(), seconds(1),
+      [&page] {
+        if (page) page->descriptors(count_descriptors(getpid()));
+      },
+      "descriptors");
+  const ExitCode exit_code = work(executor, *node, live, *entry, signals, std::move(starter));
   shut_down(executor, *node);
   return code(exit_code);
 }

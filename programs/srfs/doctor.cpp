@@ -128,6 +128,7 @@ std::vector<Finding> examine(const Machine& machine, const suite::Deployment& de
   examine_processors(x);
   examine_limits(x);
   examine_users(x);
+  examine_privileges(x);
   examine_devices(x);
   examine_sysctls(x);
   examine_memory(x);

@@ -65,6 +65,7 @@ void examine_waiting(Examination& x);
 void examine_processors(Examination& x);
 void examine_limits(Examination& x);
 void examine_users(Examination& x);
+void examine_privileges(Examination& x);
 void examine_devices(Examination& x);
 void examine_sysctls(Examination& x);
 void examine_memory(Examination& x);

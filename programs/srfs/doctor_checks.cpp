@@ -15,6 +15,7 @@
 #include "base/cpu_wait.hpp"
 #include "base/fd.hpp"
 #include "programs/srfs/doctor.hpp"
+#include "suite/confinement.hpp"
 #include "suite/instance.hpp"
 #include "suite/real_time.hpp"
 
@@ -171,7 +172,6 @@ bool examine_private_folder(Examination& x, const std::string& check, const fs::
   return false;
 }
 
-/// Where the suite holds its DDS domain.
 /// suite::runtime_folder of a user, as the machine shows it; also one that the first start will make.
 std::optional<fs::path> runtime_folder_of(Examination& x, uid_t user) {
   const auto is_own = [user](const auto& file) {
@@ -189,6 +189,7 @@ uid_t owner_of_suite(Examination& x) {
   return of_var ? of_var->owner : x.starter.user;
 }
 
+/// Where the suite holds its DDS domain.
 void examine_domain_locks(Examination& x) {
   const auto folder = runtime_folder_of(x, x.starter.user);
   if (!folder)
@@ -485,7 +486,7 @@ void examine_users(Examination& x) {
             fmt::format("srfs up --deployment {}", x.deployment.file.string()));
     }
   }
-  if (!x.deployment.ring.enabled) return;
+  if (!x.deployment.ring.enabled || x.machine.exists(x.prefix / "bin" / "srfs-starter")) return;
   for (const auto& [name, account] : accounts) {
     const auto other = std::find_if(accounts.begin(), accounts.end(),
                                     [&](const auto& o) { return o.second.user != account.user; });
@@ -495,6 +496,61 @@ void examine_users(Examination& x) {
           "members of the ring that can restart each other: root, or one user for all", "");
     return;
   }
+}
+
+namespace {
+
+/// The word of a command line behind @p option.
+std::string word_behind(const std::string& command_line, std::string_view option) {
+  const std::string key = '\0' + std::string(option) + '\0';
+  const auto at = command_line.find(key);
+  if (at == std::string::npos) return "";
+  const auto begin = at + key.size();
+  return command_line.substr(begin, command_line.find('\0', begin) - begin);
+}
+
+void examine_process(Examination& x, const NodeEntry& node, bool in_slot, const suite::RealPrivileges& real) {
+  const std::string check = "privileges." + node.name;
+  const suite::Trust trust = suite::trust_in(x.deployment, node, in_slot ? 1 : 0);
+  const std::uint64_t wanted = suite::capabilities_of(node, trust);
+  const std::string found =
+      fmt::format("user {}, capabilities: {}, {}, {}", name_of_user(x.machine, real.user),
+                  suite::capability_names(real.capabilities),
+                  real.no_new_privileges ? "gains none" : "may gain some (no_new_privs is off)",
+                  real.filtered ? "system calls filtered" : "all system calls");
+  if (trust == suite::Trust::whole)
+    return x.note(check, found + "; it keeps its starter's: it builds programs and changes versions");
+  const std::string expected =
+      fmt::format("capabilities: {}, gains none, system calls filtered", suite::capability_names(wanted));
+  const std::uint64_t more = real.capabilities & ~wanted;
+  if (more == 0 && real.no_new_privileges && real.filtered) return x.ok(check, found);
+  constexpr std::uint64_t of_buffers = 1ULL << static_cast<unsigned>(Capability::net_admin);
+  const bool by_buffers = more == of_buffers && real.no_new_privileges && real.filtered;
+  x.add(Verdict::warn, check, found, expected,
+        by_buffers
+            ? "sysctl -w net.core.rmem_max=4194304, then srfs restart"
+            : fmt::format("ls -l {}, then srfs restart", (x.prefix / "bin" / "srfs-starter").string()));
+}
+
+}  // namespace
+
+/// The nodes that run: what they may do beside what they need.
+void examine_privileges(Examination& x) {
+  std::vector<std::pair<const NodeEntry*, bool>> nodes;
+  const auto processes = x.machine.processes("cmdline", [&](const std::string& line) {
+    if (word_behind(line, "--var") != x.var.string()) return false;
+    const NodeEntry* node = x.deployment.find(word_behind(line, "--name"));
+    if (node == nullptr) return false;
+    nodes.emplace_back(node, line.starts_with((x.var / "versions").string() + "/"));
+    return true;
+  });
+  for (std::size_t i = 0; i < nodes.size(); ++i) {
+    const auto& [node, in_slot] = nodes[i];
+    if (const auto status = x.machine.text("/proc/" + processes.found[i] + "/status"))
+      examine_process(x, *node, in_slot, suite::privileges_from(*status));
+  }
+  if (nodes.empty() && !processes.complete) x.unknown("privileges", "not all processes are visible");
+  if (nodes.empty() && processes.complete) x.note("privileges", "no node runs");
 }
 
 void examine_sysctls(Examination& x) {

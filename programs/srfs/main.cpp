@@ -25,6 +25,7 @@
 #include "suite/added_nodes.hpp"
 #include "suite/launcher.hpp"
 #include "suite/run_node.hpp"
+#include "suite/starter.hpp"
 #include "update/version_table.hpp"
 
 namespace srfs::tool {
@@ -554,6 +555,23 @@ void add_doctor(CLI::App& app, CommandLine& line) {
      [&](const Target& target) { return doctor(target.deployment, target.var.root, line.json); });
 }
 
+struct StarterArguments {
+  std::string node;
+  std::string trust;
+};
+
+/// What srfs-starter becomes; not for people.
+void add_starter(CLI::App& app, StarterArguments& a, CommandLine& line) {
+  CLI::App* command = app.add_subcommand("serve-starter", "The starter of a node, executed by srfs-starter");
+  command->group("");
+  command->add_option("node", a.node)->required();
+  command->add_option("trust", a.trust)->required();
+  on(command, line, [&a](const Target& target) {
+    const auto trust = a.trust == to_text(suite::Trust::own) ? suite::Trust::own : suite::Trust::foreign;
+    return suite::serve_starter(Fd(suite::starter_fd), target.deployment.file, target.var, a.node, trust);
+  });
+}
+
 int run(int argc, char** argv) {
   CLI::App app{"Starts, stops and shows a deployment of SRFS."};
   app.require_subcommand(1);
@@ -576,6 +594,7 @@ int run(int argc, char** argv) {
   VersionArguments versions;
   NodeArguments nodes;
   NewOrder new_order;
+  StarterArguments starter;
   add_up(app, suite, line);  // the order is that of --help
   add_down_and_restart(app, suite, line);
   add_status_and_lifecycle(app, observer, line);
@@ -590,6 +609,7 @@ int run(int argc, char** argv) {
   add_topics(app, observer, line);
   add_record(app, observer, line);
   add_play(app, observer, line);
+  add_starter(app, starter, line);
   try {
     app.parse(argc, argv);
     return line.exit_code;

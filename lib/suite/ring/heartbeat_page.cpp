@@ -2,8 +2,10 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "suite/ring/heartbeat_page.hpp"
 
+#include <dirent.h>
 #include <fcntl.h>
 #include <sys/mman.h>
+#include <sys/stat.h>
 #include <unistd.h>
 
 #include <array>
@@ -22,8 +24,9 @@ struct HeartbeatPage::Layout {
   std::atomic<std::uint64_t> process;  ///< pid, then incarnation in the upper half
   std::atomic<std::int64_t> last_turn_ns;
   std::atomic<std::uint64_t> turns;
-  std::atomic<std::uint64_t> lifecycle;  ///< state, then the desired one in the upper half
-  std::atomic<std::uint64_t> end;        ///< EndKind, then the value in the upper half
+  std::atomic<std::uint64_t> lifecycle;    ///< state, then the desired one in the upper half
+  std::atomic<std::uint64_t> end;          ///< EndKind, then the value in the upper half
+  std::atomic<std::uint64_t> descriptors;  ///< an older version's page ends before
 };
 
 namespace {
@@ -60,6 +63,7 @@ Result<HeartbeatPage, std::string> HeartbeatPage::create(const VarPaths& var, co
   page->turns = 0;
   page->lifecycle = 0;
   page->end = 0;
+  page->descriptors = 0;
   page->magic = Layout::magic_value;
   return HeartbeatPage(page);
 }
@@ -69,8 +73,8 @@ std::optional<HeartbeatPage::Reading> HeartbeatPage::read(const VarPaths& var, c
   if (!fd) return std::nullopt;
   // A copy by read(2): a file that is too short answers less instead of a SIGBUS.
   std::array<std::uint64_t, sizeof(Layout) / sizeof(std::uint64_t)> words{};
-  if (pread(fd->get(), words.data(), sizeof words, 0) != static_cast<ssize_t>(sizeof words) ||
-      words[0] != Layout::magic_value) {
+  constexpr ssize_t shortest = sizeof words - sizeof words[0];
+  if (pread(fd->get(), words.data(), sizeof words, 0) < shortest || words[0] != Layout::magic_value) {
     return std::nullopt;
   }
   Reading reading;
@@ -82,6 +86,7 @@ std::optional<HeartbeatPage::Reading> HeartbeatPage::read(const VarPaths& var, c
   reading.desired = static_cast<std::uint32_t>(words[4] >> 32U);
   reading.end = static_cast<EndKind>(words[5] & UINT32_MAX);
   reading.end_value = static_cast<std::uint32_t>(words[5] >> 32U);
+  reading.descriptors = words[6];
   return reading;
 }
 
@@ -95,8 +100,27 @@ void HeartbeatPage::lifecycle(std::uint32_t state, std::uint32_t desired, Monoto
   page_->lifecycle.store(state | static_cast<std::uint64_t>(desired) << 32U);
 }
 
+void HeartbeatPage::descriptors(std::uint64_t count) {
+  page_->descriptors.store(count, std::memory_order_relaxed);
+}
+
 void HeartbeatPage::end(EndKind kind, std::uint32_t value) {
   page_->end.store(static_cast<std::uint64_t>(kind) | static_cast<std::uint64_t>(value) << 32U);
+}
+
+std::uint64_t count_descriptors(pid_t pid) {
+  std::array<char, 64> path{};
+  fmt::format_to_n(path.data(), path.size() - 1, "/proc/{}/fd", pid);
+  struct stat status {};
+  // Since Linux 6.2 the folder's size is their number.
+  if (stat(path.data(), &status) == 0 && status.st_size > 0)
+    return static_cast<std::uint64_t>(status.st_size);
+  DIR* folder = opendir(path.data());
+  if (folder == nullptr) return 0;  // another user's, or one with other privileges
+  std::uint64_t count = 0;
+  while (const dirent* entry = readdir(folder)) count += entry->d_name[0] != '.' ? 1 : 0;
+  closedir(folder);
+  return count;
 }
 
 }  // namespace srfs::suite

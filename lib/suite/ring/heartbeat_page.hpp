@@ -40,6 +40,7 @@ class HeartbeatPage {
     std::uint32_t desired = 0;  ///< lifecycle state
     EndKind end = EndKind::running;
     std::uint32_t end_value = 0;
+    std::uint64_t descriptors = 0;  ///< open ones, a second ago at most; 0: not told
   };
 
   /// The page of this process' own node, cleared for it. Creates what is missing. Blocks as a file of
@@ -53,6 +54,8 @@ class HeartbeatPage {
   void beat(MonotonicTime now);
   /// The lifecycle state changes, or the desired one; a turn, too. Wait-free.
   void lifecycle(std::uint32_t state, std::uint32_t desired, MonotonicTime now);
+  /// Others may not be able to count them. Wait-free.
+  void descriptors(std::uint64_t count);
   /// The process ends. Async-signal-safe.
   void end(EndKind kind, std::uint32_t value);
 
@@ -64,5 +67,9 @@ class HeartbeatPage {
   explicit HeartbeatPage(Layout* page) : page_(page) {}
   std::unique_ptr<Layout, Unmap> page_;
 };
+
+/// The open descriptors of a process. 0: they cannot be counted; before Linux 6.2 those of a process with
+/// other privileges cannot.
+[[nodiscard]] std::uint64_t count_descriptors(pid_t pid);
 
 }  // namespace srfs::suite

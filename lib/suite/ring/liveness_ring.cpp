@@ -7,7 +7,6 @@
 #include <charconv>
 #include <cstring>
 
-#include <dirent.h>
 #include <fcntl.h>
 #include <fmt/format.h>
 #include <sched.h>
@@ -21,6 +20,7 @@
 
 #include "base/saturate.hpp"
 #include "suite/node_versions.hpp"
+#include "suite/ring/heartbeat_page.hpp"
 #include "suite/ring/node_record.hpp"
 
 namespace srfs::suite {
@@ -72,21 +72,6 @@ std::uint64_t number_after(std::string_view text, std::string_view key) {
   return value;
 }
 
-std::uint64_t count_descriptors(pid_t pid) {
-  std::array<char, 64> path{};
-  fmt::format_to_n(path.data(), path.size() - 1, "/proc/{}/fd", pid);
-  struct stat status {};
-  // Since Linux 6.2 the folder's size is their number.
-  if (stat(path.data(), &status) == 0 && status.st_size > 0)
-    return static_cast<std::uint64_t>(status.st_size);
-  DIR* folder = opendir(path.data());
-  if (folder == nullptr) return 0;  // another user's
-  std::uint64_t count = 0;
-  while (const dirent* entry = readdir(folder)) count += entry->d_name[0] != '.' ? 1 : 0;
-  closedir(folder);
-  return count;
-}
-
 /// A node with a real-time priority is bounded by the kernel (RLIMIT_RTTIME), and a niced one gives way.
 bool may_be_culprit(const NodeEntry& entry) {
   const Scheduling& s = entry.scheduling;
@@ -100,7 +85,9 @@ std::size_t usable_cpus(pid_t pid) {
   return static_cast<std::size_t>(std::max(sysconf(_SC_NPROCESSORS_ONLN), 1L));
 }
 
-Footprint read_footprint(pid_t pid, const NodeEntry* entry, std::optional<ProcessCpu>& cpu) {
+/// @param told  by the process itself: its descriptors
+Footprint read_footprint(pid_t pid, const NodeEntry* entry, std::optional<ProcessCpu>& cpu,
+                         std::uint64_t told) {
   std::array<char, 4096> buffer{};
   Footprint footprint;
   if (cpu && entry != nullptr && entry->scheduling.policy != SchedulingPolicy::fifo) {
@@ -113,7 +100,7 @@ Footprint read_footprint(pid_t pid, const NodeEntry* entry, std::optional<Proces
     footprint.memory_cap_octets =
         (static_cast<std::uint64_t>(entry->memory_limit_mib) << 20U) / 100 * cap_percent;
   }
-  footprint.descriptors = count_descriptors(pid);
+  footprint.descriptors = std::max(count_descriptors(pid), told);
   footprint.descriptor_cap =
       number_after(read_proc(pid, "limits", buffer), "Max open files") * cap_percent / 100;
   return footprint;
@@ -611,9 +598,12 @@ void LivenessRing::review_footprints() {
   for (const std::string_view subject : monitor_->watched()) {
     const std::string name(subject);
     const pid_t pid = monitor_->process_of(name);
-    if (pid != 0)
-      monitor_->on_footprint(name, pid, read_footprint(pid, node_.deployment().find(name), peers_[name].cpu),
-                             monotonic_now());
+    if (pid == 0) continue;
+    const auto page = HeartbeatPage::read(node_.var(), name);
+    const std::uint64_t told = page && page->pid == pid ? page->descriptors : 0;
+    monitor_->on_footprint(name, pid,
+                           read_footprint(pid, node_.deployment().find(name), peers_[name].cpu, told),
+                           monotonic_now());
   }
   act();
 }

@@ -441,6 +441,40 @@ TEST_F(DoctorTest, WhatAKilledSuiteLeftInMemoryIsToldFromASuiteThatRuns) {
       << "its process might be the one that is not seen";
 }
 
+TEST_F(DoctorTest, WhatANodeMayDoIsShownBesideWhatItNeeds) {
+  EXPECT_EQ(finding("privileges").found, "no node runs");
+  const auto run = [this](const std::string& node, const std::string& program, const std::string& status) {
+    put("/proc/77/cmdline",
+        program + std::string("\0--name\0", 8) + node + std::string("\0--var\0/var/lib/srfs\0", 21));
+    put("/proc/77/status", "Uid:\t0\t0\t0\t0\n" + status);
+  };
+  const std::string node = suite::Deployment::load(machine_.at("/deployment.yaml")).nodes.front().name;
+  const std::string check = "privileges." + node;
+  run(node, "/opt/srfs/bin/x",
+      "CapPrm:\t0000000002000000\nCapEff:\t0000000002000000\nNoNewPrivs:\t1\nSeccomp:\t2\n");
+  EXPECT_EQ(finding(check).verdict, Verdict::ok) << "CAP_SYS_TIME of timing";
+  EXPECT_EQ(finding(check).found, "user root, capabilities: CAP_SYS_TIME, gains none, system calls filtered");
+  run(node, "/opt/srfs/bin/x",
+      "CapPrm:\t000001ffffffffff\nCapEff:\t000001ffffffffff\nNoNewPrivs:\t0\nSeccomp:\t0\n");
+  EXPECT_EQ(finding(check).verdict, Verdict::warn);
+  EXPECT_EQ(
+      finding(check).found,
+      "user root, capabilities: 41 capabilities, may gain some (no_new_privs is off), all system calls");
+  run(node, "/opt/srfs/bin/x",
+      "CapPrm:\t0000000002001000\nCapEff:\t0000000002001000\nNoNewPrivs:\t1\nSeccomp:\t2\n");
+  EXPECT_THAT(finding(check).command, HasSubstr("rmem_max"));
+}
+
+TEST_F(DoctorTest, AUserWithoutAFolderInMemoryIsToldHowToHaveOne) {
+  files_["/var/lib/srfs"] = {S_IFDIR | 0755, 1000, 1000};
+  EXPECT_EQ(finding("memory.runtime").verdict, Verdict::warn);
+  EXPECT_EQ(finding("memory.runtime").command, "loginctl enable-linger sat");
+  files_["/run/user/1000"] = {S_IFDIR | 0700, 1000, 1000};
+  EXPECT_EQ(finding("memory.runtime").verdict, Verdict::ok);
+  files_["/run/user/1000"] = {S_IFDIR | 0777, 1000, 1000};
+  EXPECT_EQ(finding("memory.runtime").verdict, Verdict::warn) << "others could take its names";
+}
+
 TEST_F(DoctorTest, AFolderInMemoryOrOfLocksThatSomebodyElseMadeIsNotThisSuites) {
   const std::string own = "/run/srfs/" + suite::VarPaths{"/var/lib/srfs"}.memory_name();
   for (const auto& [check, folder] : {std::pair<std::string, std::string>("memory.suites", own),

@@ -1,0 +1,426 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
+#include "suite/confinement.hpp"
+
+#include <algorithm>
+#include <array>
+#include <bit>
+#include <cerrno>
+#include <cstdlib>
+#include <cstring>
+#include <fstream>
+#include <memory>
+#include <sstream>
+
+#include <dlfcn.h>
+#include <fcntl.h>
+#include <fmt/format.h>
+#include <linux/capability.h>
+#include <linux/filter.h>
+#include <linux/landlock.h>
+#include <linux/seccomp.h>
+#include <sched.h>
+#include <seccomp.h>
+#include <sys/mman.h>
+#include <sys/prctl.h>
+#include <sys/stat.h>
+#include <sys/syscall.h>
+#include <unistd.h>
+
+namespace srfs::suite {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr std::uint64_t bit_of(unsigned capability) {
+  return 1ULL << capability;
+}
+constexpr unsigned highest_capability = 63;
+/// Stands in the filter for the process' own number, which the fork gives it.
+constexpr std::uint32_t own_pid_mark = 0x5AFE51D0;
+
+/// libseccomp leaves out those that an architecture does not have.
+constexpr std::array refused_to_all{
+    // other processes
+    "ptrace", "process_vm_readv", "process_vm_writev", "pidfd_getfd", "perf_event_open", "userfaultfd",
+    "kcmp",
+    // mounts and namespaces
+    "mount", "umount2", "pivot_root", "chroot", "move_mount", "open_tree", "fsopen", "fsconfig", "fsmount",
+    "fspick", "mount_setattr", "unshare", "setns",
+    // files by other ways
+    "open_by_handle_at", "fanotify_init", "lookup_dcookie", "quotactl", "acct",
+    // kernel
+    "bpf", "keyctl", "add_key", "request_key", "io_uring_setup", "io_uring_enter", "io_uring_register",
+    "kexec_load", "kexec_file_load", "init_module", "finit_module", "delete_module",
+    // machine
+    "reboot", "swapon", "swapoff", "syslog", "vhangup", "sethostname", "setdomainname", "iopl", "ioperm",
+    "modify_ldt", "uselib", "ustat", "personality"};
+constexpr std::array refused_without_clock{"settimeofday", "clock_settime", "clock_adjtime", "adjtimex"};
+/// A foreign node sends no signal to others, holds no lock of others, starts nothing. (kill, tgkill, clone
+/// have rules of their own.)
+constexpr std::array refused_to_foreign{"tkill",
+                                        "rt_sigqueueinfo",
+                                        "rt_tgsigqueueinfo",
+                                        "pidfd_send_signal",
+                                        "flock",
+                                        "fork",
+                                        "vfork",
+                                        "mknod",
+                                        "mknodat",
+                                        "msgget",
+                                        "semget",
+                                        "shmget",
+                                        "mq_open"};
+
+constexpr std::array system_folders{"/usr", "/bin", "/sbin", "/lib", "/lib32", "/lib64", "/libx32"};
+constexpr std::array public_files{"/etc/ld.so.cache",     "/etc/ld.so.conf", "/etc/ld.so.conf.d",
+                                  "/etc/alternatives",    "/etc/localtime",  "/etc/hosts",
+                                  "/etc/nsswitch.conf",   "/etc/passwd",     "/etc/group",
+                                  "/etc/ssl/openssl.cnf", "/etc/host.conf",  "/etc/resolv.conf"};
+constexpr std::array devices{"/dev/null", "/dev/zero", "/dev/full", "/dev/random", "/dev/urandom"};
+
+constexpr std::uint64_t read_file = LANDLOCK_ACCESS_FS_READ_FILE;
+constexpr std::uint64_t read_below = read_file | LANDLOCK_ACCESS_FS_READ_DIR;
+constexpr std::uint64_t execute = LANDLOCK_ACCESS_FS_EXECUTE;
+constexpr std::uint64_t write_file = LANDLOCK_ACCESS_FS_WRITE_FILE;
+constexpr std::uint64_t truncate_file = 1ULL << 14;  // newer than Debian 12's headers
+constexpr std::uint64_t version_1 = (LANDLOCK_ACCESS_FS_MAKE_SYM << 1U) - 1;
+constexpr std::uint64_t of_files = read_file | execute | write_file | truncate_file;
+
+/// Rules of Landlock: what is not allowed is refused.
+class FileRules {
+ public:
+  explicit FileRules(long version) : all_(version_1) {
+    if (version >= 2) all_ |= LANDLOCK_ACCESS_FS_REFER;
+    if (version >= 3) all_ |= truncate_file;
+    const landlock_ruleset_attr handled{.handled_access_fs = all_};
+    rules_ = Fd(static_cast<int>(syscall(SYS_landlock_create_ruleset, &handled, sizeof handled, 0)));
+  }
+  [[nodiscard]] std::uint64_t all() const { return all_; }
+  /// What is missing needs no rule.
+  void allow(const fs::path& path, std::uint64_t access) {
+    const Fd place(open(path.c_str(), O_PATH | O_CLOEXEC));
+    struct stat status {};
+    if (!rules_ || !place || fstat(place.get(), &status) != 0) return;
+    if (!S_ISDIR(status.st_mode)) access &= of_files;
+    const landlock_path_beneath_attr rule{.allowed_access = access & all_, .parent_fd = place.get()};
+    (void)syscall(SYS_landlock_add_rule, rules_.get(), LANDLOCK_RULE_PATH_BENEATH, &rule, 0);
+  }
+  /// All below @p folder, except for what lies below @p hidden.
+  void allow_all_but(const fs::path& folder, const std::vector<fs::path>& hidden, std::uint64_t access) {
+    const auto contains = [](const fs::path& outer, const fs::path& inner) {
+      return std::mismatch(outer.begin(), outer.end(), inner.begin(), inner.end()).first == outer.end();
+    };
+    if (std::none_of(hidden.begin(), hidden.end(), [&](const fs::path& h) { return contains(folder, h); }))
+      return allow(folder, access);
+    std::error_code ec;
+    for (const auto& entry : fs::directory_iterator(folder, ec)) {
+      if (std::find(hidden.begin(), hidden.end(), entry.path()) != hidden.end()) continue;
+      if (entry.is_symlink(ec)) continue;  // leads to what has a rule of its own
+      allow_all_but(entry.path(), hidden, access);
+    }
+  }
+  [[nodiscard]] Fd take() { return std::move(rules_); }
+
+ private:
+  std::uint64_t all_;
+  Fd rules_;
+};
+
+/// "/dev/gpiochip3" of "gpiochip:/dev/gpiochip3?0=9"
+fs::path device_file(const std::string& uri) {
+  const auto begin = uri.find(":/");
+  if (begin == std::string::npos) return {};
+  return uri.substr(begin + 1, uri.find('?') - begin - 1);
+}
+
+std::string program_of(const NodeEntry& node) {
+  return fs::path(node.executable).filename().string();
+}
+
+/// A regular file in a folder of this user, made when it is missing, to have a rule.
+void make_file(const fs::path& path) {
+  const Fd fd(open(path.c_str(), O_RDWR | O_CREAT | O_NOFOLLOW | O_CLOEXEC, S_IRUSR | S_IWUSR));
+}
+
+/// DDS takes receive buffers of 4 MiB (ros/transport.cpp). The package's sysctl.conf permits them to all; on
+/// a machine that is not prepared the capability does.
+bool buffers_need_a_privilege() {
+  constexpr long wanted = 4L << 20;
+  std::ifstream file("/proc/sys/net/core/rmem_max");
+  long most = 0;
+  return !(file >> most) || most < wanted;
+}
+
+fs::path library_folder() {
+  Dl_info self{};
+  if (dladdr(reinterpret_cast<const void*>(&privileges_from), &self) == 0 || self.dli_fname == nullptr)
+    return {};
+  std::error_code ec;
+  return fs::canonical(self.dli_fname, ec).parent_path();
+}
+
+void allow_foreign(FileRules& rules, const Confinement::Place& place) {
+  const VarPaths& var = place.var;
+  const std::string& name = place.node.name;
+  for (const char* folder : system_folders) rules.allow(folder, read_below | execute);
+  for (const char* file : public_files) rules.allow(file, read_below);
+  for (const char* device : devices) rules.allow(device, read_file | write_file);
+  for (const char* folder : {"/proc", "/sys"}) rules.allow(folder, read_below);
+  for (const auto& [key, uri] : place.deployment.devices) {
+    if (key != "watchdog" && key != "rs422") rules.allow(device_file(uri), read_file | write_file);
+  }
+  rules.allow("/dev/pts", read_below | write_file);  // of the simulated devices
+  // The installation, or a build tree and its sources: programs, libraries, the mission's dictionary.
+  const fs::path prefix = library_folder().parent_path();
+  rules.allow_all_but(prefix, {var.root}, read_below | execute);
+  rules.allow(prefix.parent_path() / "msgs", read_below);
+  rules.allow(prefix.parent_path() / "mission", read_below);
+  if (!place.deployment.dictionary.empty()) rules.allow(place.deployment.dictionary, read_below);
+  if (const char* folder = std::getenv("SRFS_MISSION_DIR")) rules.allow(folder, read_below);
+  rules.allow(place.program, read_file | execute);
+  rules.allow(place.deployment.file, read_file);
+  std::error_code ec;
+  for (const auto& entry : fs::directory_iterator(place.deployment.file.parent_path(), ec)) {
+    if (entry.path().extension() == ".yaml") rules.allow(entry.path(), read_file);  // what it may extend
+  }
+  // VAR: its own state; of the rest only what the ring and the suite tell all.
+  for (const std::string& folder : {name, std::string("ring"), std::string("suite")})
+    fs::create_directories(var.state(folder), ec);
+  rules.allow(var.state(name), rules.all() & ~execute);
+  for (const auto& folder : {var.state("ring"), var.state("suite"), var.boot(), var.run(), var.memory()})
+    rules.allow(folder, read_below);
+  make_file(var.instance_lock(name));
+  rules.allow(var.instance_lock(name), read_file | write_file | truncate_file);
+  make_file(var.memory() / (name + ".heartbeat"));
+  rules.allow(var.memory() / (name + ".heartbeat"), read_file | write_file | truncate_file);
+  if (program_of(place.node).starts_with("image_")) rules.allow(var.root / "images", rules.all() & ~execute);
+}
+
+/// Reads what its user may, except for keys; writes below VAR and to devices; executes nothing but programs
+/// of the system and of SRFS.
+void allow_own(FileRules& rules, const Confinement::Place& place) {
+  const fs::path& var = place.var.root;
+  const bool commands = program_of(place.node) == "ttc_node";
+  std::vector<fs::path> hidden;
+  if (!commands) hidden = {var / "keys", var / "ground"};
+  // What it makes in VAR itself it could not make later.
+  std::error_code ec;
+  fs::create_directories(place.var.state(place.node.name), ec);
+  if (program_of(place.node).starts_with("image_")) fs::create_directories(var / "images", ec);
+  rules.allow_all_but("/", hidden, read_below);
+  rules.allow_all_but(var, hidden, rules.all() & ~execute);
+  rules.allow(place.var.memory().parent_path(), rules.all() & ~execute);
+  for (const char* folder : {"/dev", "/proc"}) rules.allow(folder, read_below | write_file | truncate_file);
+  for (const char* folder : system_folders) rules.allow(folder, read_below | execute);
+  for (const fs::path& folder : {library_folder(), place.bin_folder})
+    rules.allow(folder, read_below | execute);
+  rules.allow(place.program, read_file | execute);
+}
+
+}  // namespace
+
+const char* to_text(Trust trust) {
+  static constexpr std::array names{"whole", "own", "foreign"};
+  return names[static_cast<std::size_t>(trust)];
+}
+
+Trust trust_in(const Deployment& deployment, const NodeEntry& node, std::uint32_t version) {
+  if (node.added) return Trust::foreign;
+  if (program_of(node) == "maintenance_node") return Trust::whole;
+  return version != 0 && !deployment.on_command_path(node.name) ? Trust::foreign : Trust::own;
+}
+
+std::uint64_t capabilities_of(const NodeEntry& node, Trust trust) {
+  if (trust == Trust::whole) return ~0ULL;
+  if (trust == Trust::foreign) return 0;
+  if (program_of(node) == "timing_node") return bit_of(CAP_SYS_TIME);
+  if (program_of(node) == "can_switcher_node") return bit_of(CAP_NET_ADMIN);  // restarts a bus that is off
+  return 0;
+}
+
+Confinement Confinement::make(const Place& place, Trust trust) {
+  Confinement c;
+  c.trust_ = trust;
+  if (trust == Trust::whole) return c;
+  c.capabilities_ = capabilities_of(place.node, trust);
+  if (trust == Trust::own && buffers_need_a_privilege()) c.capabilities_ |= bit_of(CAP_NET_ADMIN);
+  // Root in the folder of another user works by these.
+  if (geteuid() == 0 && place.var.owner().value_or(0) != 0 && place.node.user.empty())
+    c.capabilities_ |= bit_of(CAP_DAC_OVERRIDE) | bit_of(CAP_CHOWN) | bit_of(CAP_FOWNER);
+  c.allow_files(place);
+  c.make_filter();
+  return c;
+}
+
+void Confinement::allow_files(const Place& place) {
+  const long version = syscall(SYS_landlock_create_ruleset, nullptr, 0, LANDLOCK_CREATE_RULESET_VERSION);
+  if (version < 0) {
+    missing_ = "files (Landlock): " + errno_text(errno);
+    return;
+  }
+  FileRules rules(version);
+  if (trust_ == Trust::foreign) {
+    allow_foreign(rules, place);
+  } else {
+    allow_own(rules, place);
+  }
+  files_ = rules.take();
+  if (!files_) missing_ = "files (Landlock): " + errno_text(errno);
+}
+
+void Confinement::make_filter() {
+#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
+  missing_ += "; system calls: a sanitizer needs them";
+#else
+  const std::unique_ptr<void, decltype(&seccomp_release)> filter(seccomp_init(SCMP_ACT_ALLOW),
+                                                                 &seccomp_release);
+  int result = filter ? 0 : -ENOMEM;
+  const auto refuse = [&](int call, int error, const std::vector<scmp_arg_cmp>& when = {}) {
+    if (result == 0 && call != __NR_SCMP_ERROR)
+      result = seccomp_rule_add_array(filter.get(), SCMP_ACT_ERRNO(static_cast<unsigned>(error)), call,
+                                      static_cast<unsigned>(when.size()), when.data());
+  };
+  if (result == 0) result = seccomp_attr_set(filter.get(), SCMP_FLTATR_ACT_BADARCH, SCMP_ACT_KILL_PROCESS);
+  if (result == 0) result = seccomp_attr_set(filter.get(), SCMP_FLTATR_CTL_OPTIMIZE, 2);
+  for (const char* call : refused_to_all) refuse(seccomp_syscall_resolve_name(call), EPERM);
+  if ((capabilities_ & bit_of(CAP_SYS_TIME)) == 0) {
+    for (const char* call : refused_without_clock) refuse(seccomp_syscall_resolve_name(call), EPERM);
+  }
+  refuse(SCMP_SYS(clone3), ENOSYS);  // its flags lie in memory; the C library then takes clone
+  for (const std::uint64_t name_space :
+       {CLONE_NEWNS, CLONE_NEWUSER, CLONE_NEWPID, CLONE_NEWNET, CLONE_NEWIPC, CLONE_NEWUTS, CLONE_NEWCGROUP})
+    refuse(SCMP_SYS(clone), EPERM, {{0, SCMP_CMP_MASKED_EQ, name_space, name_space}});
+  if (trust_ == Trust::foreign) {
+    for (const char* call : refused_to_foreign) refuse(seccomp_syscall_resolve_name(call), EPERM);
+    refuse(SCMP_SYS(clone), EPERM, {{0, SCMP_CMP_MASKED_EQ, CLONE_THREAD, 0}});
+    for (const int call : {SCMP_SYS(kill), SCMP_SYS(tgkill)})
+      refuse(call, EPERM, {{0, SCMP_CMP_NE, own_pid_mark, 0}});
+    refuse(SCMP_SYS(prlimit64), EPERM, {{0, SCMP_CMP_NE, 0, 0}});
+  }
+  const Fd text(memfd_create("filter", MFD_CLOEXEC));
+  if (result == 0) result = text ? seccomp_export_bpf(filter.get(), text.get()) : -errno;
+  const off_t octets = result == 0 ? lseek(text.get(), 0, SEEK_END) : 0;
+  filter_.resize(static_cast<std::size_t>(octets) / sizeof(sock_filter));
+  if (result == 0 && pread(text.get(), filter_.data(), static_cast<std::size_t>(octets), 0) != octets)
+    result = -EIO;
+  if (result == 0) return;
+  filter_.clear();
+  missing_ += fmt::format("{}system calls (seccomp): {}", missing_.empty() ? "" : "; ", errno_text(-result));
+#endif
+}
+
+void keep_capabilities(std::uint64_t wanted) {
+  // After a change of the user what is permitted is not effective, and the bounding set needs CAP_SETPCAP.
+  __user_cap_header_struct of_self{.version = _LINUX_CAPABILITY_VERSION_3, .pid = 0};
+  __user_cap_data_struct before[2] = {};
+  if (syscall(SYS_capget, &of_self, before) != 0) return;
+  for (auto& half : before) half.effective = half.permitted;
+  (void)syscall(SYS_capset, &of_self, before);
+  for (unsigned capability = 0; capability <= highest_capability; ++capability) {
+    if ((wanted >> capability & 1U) == 0) (void)prctl(PR_CAPBSET_DROP, capability, 0, 0, 0);
+  }
+  (void)prctl(PR_CAP_AMBIENT, PR_CAP_AMBIENT_CLEAR_ALL, 0, 0, 0);
+  __user_cap_header_struct header{.version = _LINUX_CAPABILITY_VERSION_3, .pid = 0};
+  __user_cap_data_struct sets[2] = {};
+  if (syscall(SYS_capget, &header, sets) != 0) return;
+  for (unsigned half = 0; half < 2; ++half) {
+    const auto of_half = static_cast<std::uint32_t>(wanted >> 32U * half);
+    sets[half] = {sets[half].effective & of_half, sets[half].permitted & of_half, 0};
+  }
+  (void)syscall(SYS_capset, &header, sets);
+}
+
+namespace {
+
+/// What root has after exec anyhow; another user only what is ambient.
+void keep_through_exec(std::uint64_t wanted) {
+  if (geteuid() == 0) return;
+  __user_cap_header_struct header{.version = _LINUX_CAPABILITY_VERSION_3, .pid = 0};
+  __user_cap_data_struct sets[2] = {};
+  if (syscall(SYS_capget, &header, sets) != 0) return;
+  for (auto& half : sets) half.inheritable = half.permitted;
+  if (syscall(SYS_capset, &header, sets) != 0) return;
+  for (unsigned number = 0; number <= highest_capability; ++number) {
+    if ((wanted >> number & 1U) != 0) (void)prctl(PR_CAP_AMBIENT, PR_CAP_AMBIENT_RAISE, number, 0, 0);
+  }
+}
+
+/// The weight of its session is its own affair (base/process.hpp).
+void allow_own_weight(int rules) {
+  const int file = open("/proc/self/autogroup", O_PATH | O_CLOEXEC);
+  if (file < 0) return;
+  const landlock_path_beneath_attr rule{.allowed_access = read_file | write_file, .parent_fd = file};
+  (void)syscall(SYS_landlock_add_rule, rules, LANDLOCK_RULE_PATH_BENEATH, &rule, 0);
+  close(file);
+}
+
+}  // namespace
+
+const char* Confinement::enter() const {
+  if (trust_ == Trust::whole) return nullptr;
+  keep_capabilities(capabilities_);
+  keep_through_exec(capabilities_);
+  if (prctl(PR_SET_NO_NEW_PRIVS, 1, 0, 0, 0) != 0) return "no new privs";
+  allow_own_weight(files_.get());
+  if (files_ && syscall(SYS_landlock_restrict_self, files_.get(), 0) != 0) return "landlock";
+  if (filter_.empty()) return nullptr;
+  // The number of this process is known from here on. The memory is the child's own copy.
+  auto* const program = const_cast<sock_filter*>(filter_.data());
+  const auto own_pid = static_cast<std::uint32_t>(getpid());
+  for (std::size_t i = 0; i < filter_.size(); ++i) {
+    if (program[i].k == own_pid_mark) program[i].k = own_pid;
+  }
+  const sock_fprog whole{static_cast<unsigned short>(filter_.size()), program};
+  if (prctl(PR_SET_SECCOMP, SECCOMP_MODE_FILTER, &whole, 0, 0) != 0) return "seccomp";
+  return nullptr;
+}
+
+RealPrivileges privileges_from(const std::string& status) {
+  RealPrivileges real;
+  std::istringstream lines(status);
+  for (std::string line; std::getline(lines, line);) {
+    std::istringstream in(line.substr(std::min(line.find(':'), line.size() - 1) + 1));
+    if (line.starts_with("Uid:")) in >> real.user;
+    if (line.starts_with("NoNewPrivs:")) in >> real.no_new_privileges;
+    int mode = 0;
+    if (line.starts_with("Seccomp:") && in >> mode) real.filtered = mode == SECCOMP_MODE_FILTER;
+    std::uint64_t set = 0;
+    if ((line.starts_with("CapPrm:") || line.starts_with("CapEff:")) && in >> std::hex >> set)
+      real.capabilities |= set;
+  }
+  return real;
+}
+
+std::string capability_names(std::uint64_t capabilities) {
+  static constexpr std::array<std::pair<unsigned, const char*>, 14> known{
+      {{CAP_CHOWN, "CAP_CHOWN"},
+       {CAP_DAC_OVERRIDE, "CAP_DAC_OVERRIDE"},
+       {CAP_FOWNER, "CAP_FOWNER"},
+       {CAP_KILL, "CAP_KILL"},
+       {CAP_SETGID, "CAP_SETGID"},
+       {CAP_SETUID, "CAP_SETUID"},
+       {CAP_NET_ADMIN, "CAP_NET_ADMIN"},
+       {CAP_NET_RAW, "CAP_NET_RAW"},
+       {CAP_IPC_LOCK, "CAP_IPC_LOCK"},
+       {CAP_SYS_PTRACE, "CAP_SYS_PTRACE"},
+       {CAP_SYS_ADMIN, "CAP_SYS_ADMIN"},
+       {CAP_SYS_NICE, "CAP_SYS_NICE"},
+       {CAP_SYS_RESOURCE, "CAP_SYS_RESOURCE"},
+       {CAP_SYS_TIME, "CAP_SYS_TIME"}}};
+  if (capabilities == 0) return "none";
+  constexpr int most_named = 8;
+  if (std::popcount(capabilities) > most_named)
+    return fmt::format("{} capabilities", std::popcount(capabilities));
+  std::string names;
+  for (unsigned number = 0; number <= highest_capability; ++number) {
+    if ((capabilities >> number & 1U) == 0) continue;
+    const auto found =
+        std::find_if(known.begin(), known.end(), [&](const auto& k) { return k.first == number; });
+    names += (names.empty() ? "" : " ") +
+             (found != known.end() ? std::string(found->second) : fmt::format("capability {}", number));
+  }
+  return names;
+}
+
+}  // namespace srfs::suite

@@ -1,0 +1,364 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
+// What a confined process attempts is attempted: by a child of this process that has taken on a node's
+// confinement.
+
+#include <csignal>
+#include <cstdlib>
+#include <fstream>
+#include <thread>
+
+#include <fcntl.h>
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <linux/capability.h>
+#include <netinet/in.h>
+#include <poll.h>
+#include <sched.h>
+#include <sys/file.h>
+#include <sys/mount.h>
+#include <sys/ptrace.h>
+#include <sys/socket.h>
+#include <sys/stat.h>
+#include <sys/syscall.h>
+#include <sys/timex.h>
+#include <sys/uio.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include "base/file.hpp"
+#include "base/private_file.hpp"
+#include "suite/confinement.hpp"
+#include "suite/launcher.hpp"
+#include "suite/node_versions.hpp"
+#include "suite/starter.hpp"
+#include "tests/signal_child.hpp"
+#include "tests/temporary_folder.hpp"
+
+namespace srfs::suite {
+namespace {
+
+using testing::HasSubstr;
+using testing::IsEmpty;
+using What = RestartOutcome::What;
+
+const std::string bin = SRFS_BINARY_DIR "/bin";
+
+bool wait_until(const std::function<bool()>& condition) {
+  const MonotonicTime deadline = monotonic_now() + seconds(30);
+  while (!condition()) {
+    if (monotonic_now() > deadline) return false;
+    poll(nullptr, 0, 2);
+  }
+  return true;
+}
+
+class Confining : public testing::Test {
+ protected:
+  void SetUp() override {
+    const std::string probe = bin + "/launch_probe";
+    ASSERT_TRUE(write_file_atomically(folder_ / "d.yaml",
+                                      "deployment: t\nring: { period_ms: 100 }\nnodes:\n"
+                                      "  - { name: timing, executable: timing_node }\n"
+                                      "  - { name: can_switcher, executable: can_switcher_node }\n"
+                                      "  - { name: ttc, executable: ttc_node }\n"
+                                      "  - { name: eps, executable: " +
+                                          probe +
+                                          " }\n"
+                                          "  - { name: thermal, executable: " +
+                                          probe +
+                                          " }\n"
+                                          "  - { name: maintenance, executable: maintenance_node }\n"));
+    plan_ = Deployment::load(folder_ / "d.yaml");
+    std::filesystem::create_directories(var_.root);
+    ASSERT_TRUE(var_.make_run_folder());
+    (void)open_private(var_.memory() / "thermal.deaths", O_RDWR | O_CREAT);
+    for (const char* file : {"keys/tc.key", "state/eps/own", "state/thermal/journal", "versions/eps/x"})
+      ASSERT_TRUE(write_file_atomically(var_.root / file, "secret"));
+    std::ofstream(var_.restart_lock("thermal"));
+  }
+  void TearDown() override {
+    for (const NodeEntry& node : plan_.nodes) {
+      if (const auto process = open_instance(var_, node.name)) {
+        process->signal(SIGKILL);
+        (void)process->wait_for_exit(seconds(20));
+      }
+    }
+    EXPECT_TRUE(wait_until([&] { return starters().empty(); })) << "a starter outlives its node";
+    std::filesystem::remove_all(var_.memory());
+  }
+  /// Whether @p attempt succeeds in a process that has the confinement of @p node.
+  bool can(const std::string& node, std::uint32_t version, const std::function<bool()>& attempt) {
+    const NodeEntry& entry = *plan_.find(node);
+    const Confinement confinement =
+        Confinement::make({plan_, var_, entry, bin + "/launch_probe", bin}, trust_in(plan_, entry, version));
+    EXPECT_THAT(confinement.missing(), IsEmpty());
+    const pid_t child = fork();
+    if (child == 0) {
+      if (confinement.enter() != nullptr) _exit(2);
+      _exit(attempt() ? 0 : 1);
+    }
+    int status = 0;
+    waitpid(child, &status, 0);
+    EXPECT_TRUE(WIFEXITED(status) && WEXITSTATUS(status) < 2) << "status " << status;
+    return WIFEXITED(status) && WEXITSTATUS(status) == 0;
+  }
+  bool foreign_can(const std::function<bool()>& attempt) { return can("eps", 1, attempt); }
+  bool own_can(const std::function<bool()>& attempt) { return can("eps", 0, attempt); }
+  static std::function<bool()> opening(const std::filesystem::path& file, int flags) {
+    return [=] { return open(file.c_str(), flags | O_CLOEXEC, 0600) >= 0; };
+  }
+  /// Command lines of the starters of this VAR.
+  [[nodiscard]] std::vector<std::string> starters() const {
+    std::vector<std::string> found;
+    std::error_code ec;
+    for (const auto& entry : std::filesystem::directory_iterator("/proc", ec)) {
+      const std::string line = read_file(entry.path() / "cmdline", 65536).value_or("");
+      const bool is_one =
+          line.find("srfs-starter") != std::string::npos || line.find("serve-starter") != std::string::npos;
+      if (is_one && line.find(var_.root.string()) != std::string::npos) found.push_back(line);
+    }
+    return found;
+  }
+  [[nodiscard]] RealPrivileges privileges_of(pid_t pid) const {
+    return privileges_from(read_file("/proc/" + std::to_string(pid) + "/status", 65536).value_or(""));
+  }
+
+  const testing_support::TemporaryFolder temporary_;
+  const std::filesystem::path folder_ = std::filesystem::canonical(temporary_.path());
+  const VarPaths var_{folder_ / "var"};
+  Deployment plan_;
+};
+
+TEST_F(Confining, AForeignNodeReadsNoKeysAndNothingOfOthers) {
+  EXPECT_FALSE(foreign_can(opening(var_.root / "keys/tc.key", O_RDONLY)));
+  EXPECT_FALSE(foreign_can(opening(var_.root / "state/thermal/journal", O_RDONLY)));
+  EXPECT_FALSE(foreign_can(opening("/etc/shadow", O_RDONLY)));
+  EXPECT_FALSE(foreign_can(opening("/proc/" + std::to_string(getpid()) + "/mem", O_RDONLY)));
+  EXPECT_FALSE(foreign_can(opening("/proc/" + std::to_string(getpid()) + "/environ", O_RDONLY)));
+  EXPECT_TRUE(foreign_can(opening(folder_ / "d.yaml", O_RDONLY)));
+  EXPECT_TRUE(foreign_can(opening(var_.root / "state/eps/own", O_RDWR)));
+}
+
+TEST_F(Confining, AForeignNodeWritesItsOwnStateAlone) {
+  EXPECT_TRUE(foreign_can(opening(var_.root / "state/eps/new", O_RDWR | O_CREAT)));
+  EXPECT_TRUE(
+      foreign_can([this] { return write_file_atomically(var_.root / "state/eps/own", "x").has_value(); }));
+  for (const std::filesystem::path& file :
+       {var_.root / "state/thermal/journal", var_.root / "state/thermal/new", var_.root / "versions/eps/x",
+        var_.root / "new", var_.stopping_flag(), var_.memory() / "thermal.deaths",
+        var_.memory() / "ttc.stand_in", folder_ / "new", std::filesystem::path("/tmp/srfs_confinement_new"),
+        std::filesystem::path("/etc/srfs_new")})
+    EXPECT_FALSE(foreign_can(opening(file, O_RDWR | O_CREAT))) << file;
+  EXPECT_FALSE(foreign_can([this] {
+    return rename((var_.root / "state/thermal/journal").c_str(), (var_.root / "state/eps/own").c_str()) == 0;
+  }));
+  EXPECT_FALSE(foreign_can([this] { return unlink((var_.root / "state/thermal/journal").c_str()) == 0; }));
+}
+
+TEST_F(Confining, AForeignNodeTracesSignalsAndLocksNothing) {
+  const pid_t other = getpid();
+  EXPECT_FALSE(foreign_can([=] { return ptrace(PTRACE_ATTACH, other, nullptr, nullptr) == 0; }));
+  EXPECT_FALSE(foreign_can([=] { return kill(other, 0) == 0; }));
+  EXPECT_FALSE(foreign_can([=] { return syscall(SYS_tgkill, other, other, 0) == 0; }));
+  EXPECT_FALSE(foreign_can([=] { return syscall(SYS_tkill, other, 0) == 0; }));
+  EXPECT_FALSE(foreign_can([=] {
+    const long process = syscall(SYS_pidfd_open, other, 0);
+    return process >= 0 && syscall(SYS_pidfd_send_signal, process, 0, nullptr, 0) == 0;
+  }));
+  EXPECT_FALSE(foreign_can([=] {
+    char octet = 0;
+    iovec local{&octet, 1};
+    iovec remote{&octet, 1};
+    return process_vm_readv(other, &local, 1, &remote, 1, 0) == 1;
+  }));
+  EXPECT_FALSE(foreign_can([this] {
+    return flock(open(var_.restart_lock("thermal").c_str(), O_RDONLY | O_CLOEXEC), LOCK_EX | LOCK_NB) == 0;
+  }));
+  EXPECT_TRUE(foreign_can([] { return kill(getpid(), 0) == 0; })) << "itself";
+}
+
+TEST_F(Confining, AForeignNodeHasNoCapabilitiesStartsNothingAndChangesNothingOfTheMachine) {
+  EXPECT_TRUE(foreign_can([] {
+    const auto real = privileges_from(read_file("/proc/self/status", 65536).value_or(""));
+    return real.capabilities == 0 && real.no_new_privileges && real.filtered;
+  }));
+  EXPECT_FALSE(foreign_can([] {
+    const pid_t child = fork();
+    if (child == 0) _exit(0);
+    return child > 0;
+  }));
+  EXPECT_FALSE(foreign_can([] { return unshare(CLONE_NEWUSER) == 0; }));
+  EXPECT_FALSE(foreign_can([] { return mount("none", "/mnt", "tmpfs", 0, nullptr) == 0; }));
+  EXPECT_FALSE(foreign_can([] {
+    const timespec now{};
+    return clock_settime(CLOCK_REALTIME, &now) == 0;
+  }));
+  EXPECT_FALSE(foreign_can([] { return setuid(65534) == 0 && geteuid() == 0; }));
+}
+
+TEST_F(Confining, AForeignNodeStillHasThreadsAndSockets) {
+  EXPECT_TRUE(foreign_can([] {
+    bool ran = false;
+    std::thread([&] { ran = true; }).join();
+    return ran;
+  }));
+  EXPECT_TRUE(foreign_can([] { return socket(AF_INET, SOCK_DGRAM | SOCK_CLOEXEC, 0) >= 0; }));
+}
+
+TEST_F(Confining, OfTheInstalledNodesTtcAloneReadsKeys) {
+  const auto read_key = opening(var_.root / "keys/tc.key", O_RDONLY);
+  EXPECT_FALSE(own_can(read_key));
+  EXPECT_FALSE(can("timing", 0, read_key));
+  EXPECT_TRUE(can("ttc", 0, read_key));
+  EXPECT_TRUE(can("ttc", 1, read_key)) << "an uplinked ttc has to command, too";
+  EXPECT_TRUE(own_can(opening(var_.root / "state/thermal/journal", O_RDWR)));
+  EXPECT_TRUE(own_can(opening(var_.root / "state/eps/new", O_RDWR | O_CREAT)));
+  for (const char* file : {"/etc/srfs_new", "/usr/srfs_new", "/tmp/srfs_confinement_new"})
+    EXPECT_FALSE(own_can(opening(file, O_RDWR | O_CREAT))) << file;
+  EXPECT_FALSE(own_can([] { return ptrace(PTRACE_ATTACH, getppid(), nullptr, nullptr) == 0; }));
+  EXPECT_FALSE(own_can([] { return unshare(CLONE_NEWNS) == 0; }));
+}
+
+TEST_F(Confining, RootsNodesHaveTheCapabilitiesOfTheirWorkAlone) {
+  if (geteuid() != 0) GTEST_SKIP() << "needs root";
+  std::ifstream most("/proc/sys/net/core/rmem_max");
+  long octets = 0;
+  most >> octets;
+  const std::uint64_t of_machine = octets < (4L << 20) ? 1ULL << CAP_NET_ADMIN : 0;
+  const auto has = [](std::uint64_t wanted) {
+    return [=] {
+      return privileges_from(read_file("/proc/self/status", 65536).value_or("")).capabilities == wanted;
+    };
+  };
+  EXPECT_TRUE(can("eps", 0, has(of_machine)));
+  EXPECT_TRUE(can("timing", 0, has(1ULL << CAP_SYS_TIME | of_machine)));
+  EXPECT_TRUE(can("can_switcher", 0, has(1ULL << CAP_NET_ADMIN)));
+  EXPECT_TRUE(can("timing", 0, [] {
+    timex change{};
+    change.modes = ADJ_SETOFFSET | ADJ_NANO;  // by nothing
+    return adjtimex(&change) >= 0;
+  }));
+  EXPECT_FALSE(can("eps", 0, [] {
+    timex change{};
+    change.modes = ADJ_SETOFFSET | ADJ_NANO;
+    return adjtimex(&change) >= 0;
+  }));
+}
+
+TEST_F(Confining, TrustFollowsFromDeploymentAndVersion) {
+  EXPECT_EQ(trust_in(plan_, *plan_.find("eps"), 0), Trust::own);
+  EXPECT_EQ(trust_in(plan_, *plan_.find("eps"), 3), Trust::foreign);
+  EXPECT_EQ(trust_in(plan_, *plan_.find("ttc"), 3), Trust::own);
+  EXPECT_EQ(trust_in(plan_, *plan_.find("maintenance"), 0), Trust::whole);
+  NodeEntry added = *plan_.find("eps");
+  added.added = true;
+  EXPECT_EQ(trust_in(plan_, added, 1), Trust::foreign);
+}
+
+TEST_F(Confining, AnUplinkedProgramIsConfinedBeforeItsFirstInstruction) {
+  const auto stored =
+      change_versions(var_, "eps", [&](update::VersionStore& store) -> Result<void, std::string> {
+        const auto number = store.add(bin + "/launch_probe", "a test", system_utc_now());
+        if (!number) return Err(std::string("not added"));
+        return store.use(*number, std::chrono::hours(1), "");
+      });
+  ASSERT_TRUE(stored) << stored.error();
+  const auto pid = launch({plan_, var_, bin, "up"}, *plan_.find("eps"));
+  ASSERT_TRUE(pid) << pid.error();
+  const RealPrivileges real = privileges_of(*pid);
+  EXPECT_EQ(real.capabilities, 0U);
+  EXPECT_TRUE(real.no_new_privileges);
+  EXPECT_TRUE(real.filtered);
+}
+
+TEST_F(Confining, EachNodeHasAStarterThatEndsWithIt) {
+  const auto pid = launch({plan_, var_, bin, "up"}, *plan_.find("eps"));
+  ASSERT_TRUE(pid) << pid.error();
+  EXPECT_TRUE(privileges_of(*pid).filtered);
+  ASSERT_TRUE(wait_until([&] { return starters().size() == 1; }));
+  EXPECT_THAT(starters().front(), HasSubstr("own"));
+  testing_support::signal_child(*pid, SIGKILL);
+  EXPECT_TRUE(wait_until([&] { return starters().empty(); }));
+}
+
+/// The starter itself, in a thread: what the node asks through the socket is carried out.
+class Starting : public Confining {
+ protected:
+  void serve(Trust trust) {
+    int ends[2];
+    ASSERT_EQ(socketpair(AF_UNIX, SOCK_SEQPACKET | SOCK_CLOEXEC, 0, ends), 0);
+    client_.emplace(Fd(ends[0]));
+    setenv("SRFS_BIN_FOLDER", bin.c_str(), 1);
+    server_ = std::thread([this, trust, end = ends[1]] {
+      EXPECT_EQ(serve_starter(Fd(end), folder_ / "d.yaml", var_, "eps", trust), 0);
+    });
+  }
+  void TearDown() override {
+    client_.reset();
+    server_.join();
+    Confining::TearDown();
+  }
+  static Accusation accusation(FaultClass fault, pid_t pid = 0) {
+    Accusation a;
+    a.subject = "thermal";
+    a.fault = fault;
+    a.pid = pid;
+    a.first_evidence = a.decided = monotonic_now();
+    return a;
+  }
+  std::optional<StarterClient> client_;
+  std::thread server_;
+};
+
+TEST_F(Starting, RestartsANodeThatIsGoneOnce) {
+  serve(Trust::own);
+  const auto first = client_->restart(accusation(FaultClass::absent));
+  ASSERT_TRUE(first) << first.error();
+  EXPECT_EQ(first->what, What::restarted) << first->reason;
+  const auto running = find_instance(var_, "thermal");
+  ASSERT_TRUE(running);
+  EXPECT_EQ(running->pid, first->pid);
+  EXPECT_TRUE(privileges_of(running->pid).filtered) << "confined like one that srfs up starts";
+  const auto second = client_->restart(accusation(FaultClass::absent));
+  ASSERT_TRUE(second);
+  EXPECT_NE(second->what, What::restarted);
+  EXPECT_EQ(find_instance(var_, "thermal")->pid, running->pid);
+}
+
+TEST_F(Starting, KillsNothingOnAForeignNodesWord) {
+  serve(Trust::foreign);
+  const auto started = client_->restart(accusation(FaultClass::absent));
+  ASSERT_TRUE(started) << started.error();
+  ASSERT_EQ(started->what, What::restarted) << started->reason;
+  for (const FaultClass fault :
+       {FaultClass::deaf, FaultClass::wrong_answer, FaultClass::not_checking, FaultClass::not_working,
+        FaultClass::worker_frozen, FaultClass::start_overdue, FaultClass::too_large, FaultClass::cpu_hog,
+        FaultClass::limit_violation}) {
+    const auto outcome = client_->restart(accusation(fault, started->pid));
+    ASSERT_TRUE(outcome) << outcome.error();
+    EXPECT_EQ(outcome->what, What::not_believed) << to_text(fault);
+  }
+  EXPECT_EQ(find_instance(var_, "thermal")->pid, started->pid);
+}
+
+TEST_F(Starting, AForeignNodesSilentAccusationNeedsAHeartbeatThatStandsStill) {
+  Accusation a = accusation(FaultClass::silent, 1);
+  a.decided = MonotonicTime(seconds(1'000'000));  // a lie: later than every turn
+  EXPECT_THAT(doubt_of_foreign(a, milliseconds(100), MonotonicTime(seconds(50))), IsEmpty());
+  EXPECT_EQ(a.decided, MonotonicTime(milliseconds(49'800)));
+}
+
+TEST_F(Starting, ANodeWhoseStarterIsGoneIsTold) {
+  int ends[2];
+  ASSERT_EQ(socketpair(AF_UNIX, SOCK_SEQPACKET | SOCK_CLOEXEC, 0, ends), 0);
+  close(ends[1]);
+  StarterClient lonely{Fd(ends[0])};
+  const auto outcome = lonely.restart(accusation(FaultClass::absent));
+  ASSERT_FALSE(outcome);
+  EXPECT_THAT(outcome.error(), HasSubstr("starter is gone"));
+  serve(Trust::own);
+}
+
+}  // namespace
+}  // namespace srfs::suite
