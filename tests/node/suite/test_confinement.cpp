@@ -296,7 +296,7 @@ class Starting : public Confining {
   }
   void TearDown() override {
     client_.reset();
-    server_.join();
+    if (server_.joinable()) server_.join();
     Confining::TearDown();
   }
   static Accusation accusation(FaultClass fault, pid_t pid = 0) {
