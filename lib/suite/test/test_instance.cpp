@@ -158,6 +158,12 @@ TEST(Memory, OfAUserWithoutARuntimeFolderLiesInVar) {
   EXPECT_EQ(mode_of(var.memory()), 0700U);
   EXPECT_TRUE(open_private(var.memory() / "ttc.heartbeat", O_RDONLY, var.owner()))
       << "root reads that user's";
+  std::filesystem::remove_all(var.memory());
+  std::filesystem::create_directory_symlink("/run/user/65534/srfs/gone", var.memory_link());
+  ASSERT_TRUE(another_user_can([&] { return var.make_run_folder().has_value(); }));
+  EXPECT_TRUE(another_user_can([&] {
+    return open_private(var.memory() / "ttc.heartbeat", O_RDWR | O_CREAT, var.owner()).has_value();
+  })) << "the choice of a session that has ended is in its way";
 }
 
 TEST(Records, NameNoProcessThatTheirAuthorCouldNotSignal) {
