@@ -37,6 +37,7 @@ namespace {
 constexpr milliseconds longest_rest{200};
 constexpr seconds deployment_review{1};  ///< how often a node looks for added nodes
 constexpr seconds self_test_turns{1};
+constexpr seconds weight_reviews{10};
 
 struct Arguments {
   std::string name;
@@ -90,6 +91,9 @@ class NodeRunner {
     node_.set_supervisor({[this](ros::State commanded) { obey(commanded); }, [this] { recover(); }});
     node_.set_desired(desired_);
     end_order_at(desired.until);
+    weight_review_ = executor_.add_timer(
+        monotonic_now() + weight_reviews, weight_reviews, [this] { review_weight(); },
+        "review of the weight");
     attempt();
   }
   ~NodeRunner() { node_.set_supervisor({}); }
@@ -145,7 +149,15 @@ class NodeRunner {
           "weight of the session");
     } else if (error != 0 && niceness < 0) {
       set_weight(0);
+    } else if (error == 0) {
+      weight_ = niceness;
     }
+  }
+  /// A lender may end before it takes its loan back, or be refused, as in set_weight(). One that still lends
+  /// does it again.
+  void review_weight() {
+    const auto now = session_niceness(getpid());
+    if (weight_ && now && *now != *weight_ && !weight_timer_) set_weight(*weight_);
   }
   /// A node of the command path comes back by itself: there may be no other way to order it.
   void end_order_at(std::optional<MonotonicTime> end) {
@@ -187,6 +199,8 @@ class NodeRunner {
   ros::Timer retry_;
   ros::Timer order_end_;
   ros::Timer weight_timer_;
+  ros::Timer weight_review_;
+  std::optional<int> weight_;  ///< what the session was given last
 };
 
 namespace {
