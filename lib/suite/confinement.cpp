@@ -23,6 +23,7 @@
 #include <seccomp.h>
 #include <sys/mman.h>
 #include <sys/prctl.h>
+#include <sys/socket.h>
 #include <sys/stat.h>
 #include <sys/syscall.h>
 #include <unistd.h>
@@ -127,11 +128,32 @@ class FileRules {
   Fd rules_;
 };
 
-/// "/dev/gpiochip3" of "gpiochip:/dev/gpiochip3?0=9"
-fs::path device_file(const std::string& uri) {
-  const auto begin = uri.find(":/");
+/// "/dev/gpiochip3" of "gpiochip:/dev/gpiochip3?0=9"; VAR/run/gps_tty of "serial:run/gps_tty", which leads to
+/// its terminal
+fs::path device_file(const fs::path& var, const std::string& uri) {
+  const auto begin = uri.find(':');
   if (begin == std::string::npos) return {};
-  return uri.substr(begin + 1, uri.find('?') - begin - 1);
+  return var / uri.substr(begin + 1, uri.find('?') - begin - 1);
+}
+
+bool is_for_foreign(const std::string& device) {
+  return device != "watchdog" && device != "rs422";
+}
+
+std::vector<fs::path> foreign_devices(const Confinement::Place& place) {
+  std::vector<fs::path> files;
+  for (const auto& [key, uri] : place.deployment.devices) {
+    if (is_for_foreign(key)) files.push_back(device_file(place.var.root, uri));
+  }
+  return files;
+}
+
+/// Simulated devices are local sockets. On hardware a foreign node needs none: they lead to systemd and
+/// D-Bus.
+bool needs_local_sockets(const Deployment& deployment) {
+  return std::any_of(deployment.devices.begin(), deployment.devices.end(), [](const auto& device) {
+    return is_for_foreign(device.first) && device.second.starts_with("sim:");
+  });
 }
 
 std::string program_of(const NodeEntry& node) {
@@ -167,10 +189,7 @@ void allow_foreign(FileRules& rules, const Confinement::Place& place) {
   for (const char* file : public_files) rules.allow(file, read_below);
   for (const char* device : devices) rules.allow(device, read_file | write_file);
   for (const char* folder : {"/proc", "/sys"}) rules.allow(folder, read_below);
-  for (const auto& [key, uri] : place.deployment.devices) {
-    if (key != "watchdog" && key != "rs422") rules.allow(device_file(uri), read_file | write_file);
-  }
-  rules.allow("/dev/pts", read_below | write_file);  // of the simulated devices
+  for (const fs::path& device : foreign_devices(place)) rules.allow(device, read_file | write_file);
   // The installation, or a build tree and its sources: programs, libraries, the mission's dictionary.
   const fs::path prefix = library_folder().parent_path();
   rules.allow_all_but(prefix, {var.root}, read_below | execute);
@@ -192,13 +211,15 @@ void allow_foreign(FileRules& rules, const Confinement::Place& place) {
     rules.allow(folder, read_below);
   make_file(var.instance_lock(name));
   rules.allow(var.instance_lock(name), read_file | write_file | truncate_file);
-  make_file(var.memory() / (name + ".heartbeat"));
-  rules.allow(var.memory() / (name + ".heartbeat"), read_file | write_file | truncate_file);
+  for (const char* file : {".heartbeat", "_ids_lost"}) {  // the latter is a payload's mark
+    make_file(var.memory() / (name + file));
+    rules.allow(var.memory() / (name + file), read_file | write_file | truncate_file);
+  }
   if (program_of(place.node).starts_with("image_")) rules.allow(var.root / "images", rules.all() & ~execute);
 }
 
-/// Reads what its user may, except for keys; writes below VAR and to devices; executes nothing but programs
-/// of the system and of SRFS.
+/// Reads what its user may, except for keys; writes below VAR, except for programs, and to devices; executes
+/// nothing but programs of the system and of SRFS.
 void allow_own(FileRules& rules, const Confinement::Place& place) {
   const fs::path& var = place.var.root;
   const bool commands = program_of(place.node) == "ttc_node";
@@ -209,6 +230,7 @@ void allow_own(FileRules& rules, const Confinement::Place& place) {
   fs::create_directories(place.var.state(place.node.name), ec);
   if (program_of(place.node).starts_with("image_")) fs::create_directories(var / "images", ec);
   rules.allow_all_but("/", hidden, read_below);
+  if (!commands) hidden.insert(hidden.end(), {var / "versions", var / "golden"});
   rules.allow_all_but(var, hidden, rules.all() & ~execute);
   rules.allow(place.var.memory().parent_path(), rules.all() & ~execute);
   for (const char* folder : {"/dev", "/proc"}) rules.allow(folder, read_below | write_file | truncate_file);
@@ -231,25 +253,28 @@ Trust trust_in(const Deployment& deployment, const NodeEntry& node, std::uint32_
   return version != 0 && !deployment.on_command_path(node.name) ? Trust::foreign : Trust::own;
 }
 
-std::uint64_t capabilities_of(const NodeEntry& node, Trust trust) {
+std::uint64_t capabilities_of(const Deployment& deployment, const NodeEntry& node, Trust trust) {
   if (trust == Trust::whole) return ~0ULL;
   if (trust == Trust::foreign) return 0;
   if (program_of(node) == "timing_node") return bit_of(CAP_SYS_TIME);
-  if (program_of(node) == "can_switcher_node") return bit_of(CAP_NET_ADMIN);  // restarts a bus that is off
-  return 0;
+  if (program_of(node) != "can_switcher_node") return 0;
+  // It kills who holds the bus beyond its slot, whoever's process that is.
+  const bool kills_others = std::any_of(deployment.nodes.begin(), deployment.nodes.end(),
+                                        [&](const NodeEntry& other) { return other.user != node.user; });
+  return bit_of(CAP_NET_ADMIN) | (kills_others ? bit_of(CAP_KILL) : 0);  // restarts a bus that is off
 }
 
 Confinement Confinement::make(const Place& place, Trust trust) {
   Confinement c;
   c.trust_ = trust;
   if (trust == Trust::whole) return c;
-  c.capabilities_ = capabilities_of(place.node, trust);
+  c.capabilities_ = capabilities_of(place.deployment, place.node, trust);
   if (trust == Trust::own && buffers_need_a_privilege()) c.capabilities_ |= bit_of(CAP_NET_ADMIN);
   // Root in the folder of another user works by these.
   if (geteuid() == 0 && place.var.owner().value_or(0) != 0 && place.node.user.empty())
     c.capabilities_ |= bit_of(CAP_DAC_OVERRIDE) | bit_of(CAP_CHOWN) | bit_of(CAP_FOWNER);
   c.allow_files(place);
-  c.make_filter();
+  c.make_filter(place);
   return c;
 }
 
@@ -269,7 +294,7 @@ void Confinement::allow_files(const Place& place) {
   if (!files_) missing_ = "files (Landlock): " + errno_text(errno);
 }
 
-void Confinement::make_filter() {
+void Confinement::make_filter([[maybe_unused]] const Place& place) {
 #if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
   missing_ += "; system calls: a sanitizer needs them";
 #else
@@ -297,6 +322,8 @@ void Confinement::make_filter() {
     for (const int call : {SCMP_SYS(kill), SCMP_SYS(tgkill)})
       refuse(call, EPERM, {{0, SCMP_CMP_NE, own_pid_mark, 0}});
     refuse(SCMP_SYS(prlimit64), EPERM, {{0, SCMP_CMP_NE, 0, 0}});
+    if (!needs_local_sockets(place.deployment))
+      refuse(SCMP_SYS(socket), EACCES, {{0, SCMP_CMP_EQ, AF_UNIX, 0}});
   }
   const Fd text(memfd_create("filter", MFD_CLOEXEC));
   if (result == 0) result = text ? seccomp_export_bpf(filter.get(), text.get()) : -errno;

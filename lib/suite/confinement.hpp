@@ -28,7 +28,7 @@ enum class Trust : std::uint8_t {
 
 /// Bits of capabilities(7) that the node needs; Confinement adds what a machine that is not prepared needs.
 /// Others are never regained.
-[[nodiscard]] std::uint64_t capabilities_of(const NodeEntry& node, Trust trust);
+[[nodiscard]] std::uint64_t capabilities_of(const Deployment& deployment, const NodeEntry& node, Trust trust);
 
 /// What a node's process may do, made before it is forked and taken on before its program is executed: the
 /// program need not be trusted to confine itself. Three layers, each by itself; root and ordinary users have
@@ -54,7 +54,7 @@ class Confinement {
 
  private:
   void allow_files(const Place& place);
-  void make_filter();
+  void make_filter(const Place& place);
 
   Trust trust_ = Trust::whole;
   std::uint64_t capabilities_ = ~0ULL;

@@ -74,6 +74,8 @@ struct Owner {
 struct Starter {
   std::vector<std::string> arguments;
   std::vector<char*> argv;
+  std::vector<std::string> environment;
+  std::vector<char*> envp;
   Fd ours, nodes;  ///< the two ends
 };
 
@@ -99,9 +101,10 @@ struct Failure {
   char step[24];
 };
 
-/// Test tools only: sanitizer settings and the place of the mission dictionary of a build tree.
-constexpr std::array passed_on{"ASAN_OPTIONS", "UBSAN_OPTIONS",    "TSAN_OPTIONS",
-                               "LSAN_OPTIONS", "SRFS_MISSION_DIR", "LD_LIBRARY_PATH"};
+/// Test tools only: sanitizer settings and the place of the mission dictionary of a build tree. Programs know
+/// their libraries themselves.
+constexpr std::array passed_on{"ASAN_OPTIONS", "UBSAN_OPTIONS", "TSAN_OPTIONS", "LSAN_OPTIONS",
+                               "SRFS_MISSION_DIR"};
 
 /// Tells a program in a slot where the golden ones are.
 constexpr const char* bin_folder_variable = "SRFS_BIN_FOLDER";
@@ -112,16 +115,33 @@ bool is_passed_on(std::string_view line) {
   });
 }
 
-std::vector<std::string> absolute_environment(const VarPaths& var) {
+/// @param lines  NAME=VALUE each; of these only what is passed on
+std::vector<std::string> absolute_environment(const std::string& lines) {
   std::vector<std::string> env{"PATH=/usr/local/bin:/usr/bin:/bin", "LANG=C.UTF-8", "TZ=UTC", "HOME=/"};
-  constexpr std::size_t largest = 16384;
-  const std::string lines = read_file(var.environment_file(), largest).value_or(environment_for_nodes());
   for (std::size_t at = 0; at < lines.size();) {
     const std::size_t end = std::min(lines.find('\n', at), lines.size());
     const std::string line = lines.substr(at, end - at);
     if (is_passed_on(line)) env.push_back(line);
     at = end + 1;
   }
+  return env;
+}
+
+/// Of a process that is not confined: nothing of a file that confined ones may write.
+std::vector<std::string> trusted_environment(const std::filesystem::path& bin_folder) {
+  auto env = absolute_environment(environment_for_nodes());
+  env.push_back(fmt::format("{}={}", bin_folder_variable, std::filesystem::absolute(bin_folder).string()));
+  return env;
+}
+
+/// Of a node's process.
+std::vector<std::string> environment_of(const LaunchRequest& request, Trust trust) {
+  if (trust == Trust::whole) return trusted_environment(request.bin_folder);
+  constexpr std::size_t largest = 16384;
+  auto env = absolute_environment(
+      read_file(request.var.environment_file(), largest).value_or(environment_for_nodes()));
+  env.push_back(
+      fmt::format("{}={}", bin_folder_variable, std::filesystem::absolute(request.bin_folder).string()));
   return env;
 }
 
@@ -153,13 +173,7 @@ void add_own_libraries(std::vector<std::string>& environment) {
   if (dladdr(reinterpret_cast<const void*>(&suite_bin_folder), &self) == 0 || self.dli_fname == nullptr)
     return;
   const std::string folder = std::filesystem::absolute(self.dli_fname).parent_path().string();
-  constexpr std::string_view name = "LD_LIBRARY_PATH=";
-  for (std::string& line : environment) {
-    if (!line.starts_with(name)) continue;
-    line += ":" + folder;
-    return;
-  }
-  environment.push_back(std::string(name) + folder);
+  environment.push_back("LD_LIBRARY_PATH=" + folder);
 }
 
 /// A node that is confined cannot start others itself: it gets a starter, where it may have to start one.
@@ -184,10 +198,14 @@ void prepare_confinement(Preparation& p, const LaunchRequest& request, const Nod
   p.starter = {{waiting.string(), starting.string(), request.deployment.file.string(),
                 std::filesystem::absolute(request.var.root).string(), node.name, to_text(trust)},
                {},
+               trusted_environment(bin_folder),
+               {},
                Fd(ends[0]),
                Fd(ends[1])};
   for (auto& a : p.starter.arguments) p.starter.argv.push_back(a.data());
+  for (auto& e : p.starter.environment) p.starter.envp.push_back(e.data());
   p.starter.argv.push_back(nullptr);
+  p.starter.envp.push_back(nullptr);
   p.environment.push_back(fmt::format("{}={}", starter_variable, starter_fd));
 }
 
@@ -205,9 +223,7 @@ Result<Preparation, std::string> prepare(const LaunchRequest& request, const Nod
                  request.deployment.file.string(),
                  "--var",
                  std::filesystem::absolute(request.var.root).string()};
-  p.environment = absolute_environment(request.var);
-  p.environment.push_back(
-      fmt::format("{}={}", bin_folder_variable, std::filesystem::absolute(request.bin_folder).string()));
+  p.environment = environment_of(request, trust_in(request.deployment, node, version));
   if (in_slot) add_own_libraries(p.environment);
   auto owner = owner_of(node);
   if (!owner) return Err(owner.error());
@@ -305,9 +321,10 @@ void start_starter(const Preparation& p) {
     return;
   }
   if (fork() != 0) _exit(0);
-  dup2(p.starter.ours.get(), starter_fd);
+  if (dup2(p.starter.ours.get(), starter_fd) < 0) _exit(127);
+  fcntl(starter_fd, F_SETFD, 0);  // dup2 leaves it on a descriptor that is there already
   syscall(SYS_close_range, static_cast<unsigned>(starter_fd) + 1U, ~0U, 0U);
-  execve(p.starter.argv[0], p.starter.argv.data(), p.envp.data());
+  execve(p.starter.argv[0], p.starter.argv.data(), p.starter.envp.data());
   _exit(127);
 }
 

@@ -184,7 +184,8 @@ void PayloadNode::restore() {
       },
       std::move(journal));
   std::error_code ec;
-  if (std::filesystem::exists(ids_lost_mark(), ec)) cycle_->restore_ids_lost();
+  const auto marked = std::filesystem::file_size(ids_lost_mark(), ec);
+  if (!ec && marked > 0) cycle_->restore_ids_lost();
   if (std::filesystem::exists(kept_off_mark())) cycle_->restore_kept_off();
   once_done_ = OnceDone(std::nullopt);
   if (std::filesystem::exists(once_done_file(), ec))
@@ -824,12 +825,16 @@ void PayloadNode::carry_out(const RememberKeptOff& action) {
 }
 
 void PayloadNode::carry_out(const RememberIdsLost& action) {
+  // Its content is the mark: an uplinked payload may neither make nor remove the file.
   if (action.lost) {
-    const auto made = open_private(ids_lost_mark(), O_RDWR | O_CREAT, var().owner());
-    if (!made) log::error("a restart may repeat telecommands: {}", made.error().message);
+    const auto made = open_private(ids_lost_mark(), O_WRONLY | O_CREAT, var().owner());
+    if (!made) {
+      log::error("a restart may repeat telecommands: {}", made.error().message);
+    } else if (write(made->get(), "1", 1) != 1) {
+      log::error("a restart may repeat telecommands: {}: {}", ids_lost_mark().string(), errno_text(errno));
+    }
   } else {
-    std::error_code ec;
-    std::filesystem::remove(ids_lost_mark(), ec);
+    (void)open_private(ids_lost_mark(), O_WRONLY | O_TRUNC, var().owner());
   }
 }
 

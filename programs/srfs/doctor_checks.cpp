@@ -512,7 +512,7 @@ std::string word_behind(const std::string& command_line, std::string_view option
 void examine_process(Examination& x, const NodeEntry& node, bool in_slot, const suite::RealPrivileges& real) {
   const std::string check = "privileges." + node.name;
   const suite::Trust trust = suite::trust_in(x.deployment, node, in_slot ? 1 : 0);
-  const std::uint64_t wanted = suite::capabilities_of(node, trust);
+  const std::uint64_t wanted = suite::capabilities_of(x.deployment, node, trust);
   const std::string found =
       fmt::format("user {}, capabilities: {}, {}, {}", name_of_user(x.machine, real.user),
                   suite::capability_names(real.capabilities),
