@@ -230,9 +230,12 @@ struct RingPart {
     if (!own_starter) return restarter.restart(accusation);
     auto outcome = own_starter->restart(accusation);
     if (outcome) return std::move(*outcome);
-    // Useless to the ring like this: the node upstream replaces both.
-    log::error("{}; this process ends, to be started again with one", outcome.error());
-    kill(getpid(), SIGTERM);
+    // One that has worked can be had again: the node upstream replaces both. One that never did would not
+    // work beside the next process either, and the node does its own work.
+    if (own_starter->has_answered()) {
+      log::error("{}; this process ends, to be started again with one", outcome.error());
+      kill(getpid(), SIGTERM);
+    }
     return {RestartOutcome::What::cannot_start, 0, {}, outcome.error()};
   }
 

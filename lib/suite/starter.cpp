@@ -7,6 +7,7 @@
 #include <cerrno>
 #include <cstdlib>
 #include <cstring>
+#include <map>
 
 #include <fcntl.h>
 #include <fmt/format.h>
@@ -14,15 +15,17 @@
 #include <sys/socket.h>
 #include <unistd.h>
 
+#include "base/cpu_wait.hpp"
 #include "base/log.hpp"
 #include "suite/added_nodes.hpp"
+#include "suite/ring/heartbeat_page.hpp"
 #include "suite/ring/membership.hpp"
 #include "suite/ring/restarter.hpp"
 
 namespace srfs::suite {
 namespace {
 
-constexpr milliseconds longest_restart{5000};
+constexpr int most_unanswered = 2;
 
 enum class Kind : std::uint8_t { restart = 1, recovered = 2, commit = 3 };
 
@@ -118,14 +121,58 @@ RestartOutcome outcome_of(const Answer& a) {
   return outcome;
 }
 
+/// Heartbeat pages of accused nodes, one per name.
+class PagesInDoubt {
+ public:
+  explicit PagesInDoubt(VarPaths var) : var_(std::move(var)) {}
+
+  /// To be called at each accusation: only what stays the same from one to the next stands still.
+  std::optional<StillPage> look(const std::string& node) {
+    const auto page = HeartbeatPage::read(var_, node);
+    if (!page) {
+      seen_.erase(node);
+      return std::nullopt;
+    }
+    const MonotonicTime now = monotonic_now();
+    const auto before = seen_.find(node);
+    if (before == seen_.end() || before->second.pid != page->pid || before->second.turns != page->turns)
+      seen_.insert_or_assign(
+          node, Seen{page->pid, page->turns, now, ThreadCpuFiles::open(page->pid, page->pid), {}});
+    Seen& s = seen_.at(node);
+    if (const auto cpu = s.cpu ? s.cpu->read() : std::nullopt)
+      s.wait.on_reading(*cpu, s.cpu->state() == 'R', now);
+    return StillPage{s.pid, s.since, now - s.since - s.wait.total()};
+  }
+
+ private:
+  struct Seen {
+    pid_t pid;
+    std::uint64_t turns;
+    MonotonicTime since;
+    std::optional<ThreadCpuFiles> cpu;  ///< of its work thread
+    CpuWait wait;
+  };
+  VarPaths var_;
+  std::map<std::string, Seen> seen_;
+};
+
+bool has_hung_up(int socket) {
+  pollfd entry{socket, POLLRDHUP, 0};
+  return poll(&entry, 1, 0) > 0 && (entry.revents & (POLLRDHUP | POLLHUP | POLLERR)) != 0;
+}
+
 /// The starter's work, one request after the other.
 class Service {
  public:
-  Service(const std::filesystem::path& deployment, const VarPaths& var, std::string observer, Trust trust)
+  /// @param socket  to the node, for whether it is still there
+  Service(const std::filesystem::path& deployment, const VarPaths& var, std::string observer, Trust trust,
+          int socket)
       : live_(Deployment::load(deployment), var),
         var_(var),
         trust_(trust),
+        pages_(var),
         restarter_(live_.first(), var, std::move(observer)) {
+    restarter_.set_wanted_source([socket] { return !has_hung_up(socket); });
     restarter_.set_generation_source(
         [this] { return read_membership(var_, live_.current()).membership.generation; });
     restarter_.set_deployment_source([this]() -> const Deployment& { return live_.current(); });
@@ -138,8 +185,8 @@ class Service {
       case Kind::restart:
         return answer_of(restart(accusation_of(request)), request.number);
       case Kind::recovered:
-        restarter_.on_recovered(text_of(request.subject), request.incarnation,
-                                MonotonicTime(nanoseconds(request.decided_ns)));
+        recovered(text_of(request.subject), request.incarnation,
+                  MonotonicTime(nanoseconds(request.decided_ns)));
         return std::nullopt;
       case Kind::commit:
         // A version is not kept on the word of code that was uplinked itself: other observers see it, too.
@@ -152,15 +199,35 @@ class Service {
  private:
   RestartOutcome restart(Accusation accusation) {
     if (trust_ == Trust::foreign) {
-      auto doubt = doubt_of_foreign(accusation, live_.first().ring.period, monotonic_now());
+      if (live_.current().find(accusation.subject) == nullptr)
+        return {RestartOutcome::What::not_believed, 0, {}, "no node of this deployment"};
+      const RingSettings& ring = live_.first().ring;
+      auto doubt = doubt_of_foreign(accusation, pages_.look(accusation.subject), ring.misses * ring.period);
       if (!doubt.empty()) return {RestartOutcome::What::not_believed, accusation.pid, {}, std::move(doubt)};
     }
-    return restarter_.restart(accusation);
+    auto outcome = restarter_.restart(accusation);
+    if (outcome.what == RestartOutcome::What::restarted) unrecovered_[accusation.subject] = outcome.pid;
+    return outcome;
+  }
+
+  /// A foreign node's word counts once for each restart of this starter, and for the process of that restart.
+  void recovered(const std::string& subject, std::uint32_t incarnation, MonotonicTime active) {
+    const auto restarted = unrecovered_.find(subject);
+    if (trust_ == Trust::foreign) {
+      if (restarted == unrecovered_.end()) return;
+      const auto running = find_instance(var_, subject);
+      if (!running || running->pid != restarted->second || running->incarnation != incarnation) return;
+      active = std::min(active, monotonic_now());
+    }
+    if (restarted != unrecovered_.end()) unrecovered_.erase(restarted);
+    restarter_.on_recovered(subject, incarnation, active);
   }
 
   LiveDeployment live_;
   const VarPaths var_;
   const Trust trust_;
+  PagesInDoubt pages_;
+  std::map<std::string, pid_t> unrecovered_;  ///< by node
   Restarter restarter_;
 };
 
@@ -177,19 +244,28 @@ std::optional<StarterClient> StarterClient::of_this_process() {
 Result<RestartOutcome, std::string> StarterClient::restart(const Accusation& accusation) {
   const Request request = request_of(accusation, ++number_);
   const auto gone = [](int error) { return Err("the node's starter is gone: " + errno_text(error)); };
-  if (send(socket_.get(), &request, sizeof request, MSG_NOSIGNAL) != static_cast<ssize_t>(sizeof request))
+  // No room: it has taken nothing for long.
+  if (send(socket_.get(), &request, sizeof request, MSG_NOSIGNAL | MSG_DONTWAIT) !=
+      static_cast<ssize_t>(sizeof request))
     return gone(errno);
-  const MonotonicTime give_up = monotonic_now() + longest_restart;
+  const MonotonicTime give_up = monotonic_now() + patience_;
   while (true) {
     const auto left = std::chrono::ceil<milliseconds>(give_up - monotonic_now());
     pollfd entry{socket_.get(), POLLIN, 0};
     const int ready = poll(&entry, 1, static_cast<int>(std::max(left, milliseconds(0)).count()));
     if (ready < 0 && errno == EINTR) continue;
-    if (ready <= 0)
+    if (ready <= 0) {
+      if (++unanswered_ >= most_unanswered) return gone(ETIMEDOUT);
       return RestartOutcome{RestartOutcome::What::under_way, 0, {}, "its starter does not answer"};
+    }
     Answer answer{};
     const ssize_t octets = recv(socket_.get(), &answer, sizeof answer, 0);
-    if (octets != static_cast<ssize_t>(sizeof answer)) return gone(octets < 0 ? errno : EPIPE);
+    if (octets != 1 && octets != static_cast<ssize_t>(sizeof answer)) return gone(octets < 0 ? errno : EPIPE);
+    unanswered_ = 0;
+    if (octets == 1)  // of srfs-starter
+      return RestartOutcome{
+          RestartOutcome::What::cannot_start, 0, {}, "its starter has failed; the node's log says why"};
+    has_answered_ = true;
     if (answer.number == request.number) return outcome_of(answer);  // else one that came too late
   }
 }
@@ -211,13 +287,19 @@ void StarterClient::commit(const std::string& subject, std::uint32_t version) {
   (void)send(socket_.get(), &r, sizeof r, MSG_NOSIGNAL | MSG_DONTWAIT);
 }
 
-std::string doubt_of_foreign(Accusation& accusation, nanoseconds period, MonotonicTime now) {
+std::string doubt_of_foreign(Accusation& accusation, const std::optional<StillPage>& page,
+                             nanoseconds bound) {
   switch (accusation.fault) {
     case FaultClass::absent:
     case FaultClass::exited:  // the restarter looks for the process
       return "";
     case FaultClass::silent:
-      accusation.decided = std::min(accusation.decided, now - 2 * period);
+      if (!page || page->pid != accusation.pid)
+        return "an uplinked program's word alone: no heartbeat page of that process";
+      if (page->lasted < bound)
+        return fmt::format("its heartbeat page was not seen standing still for {} ms yet",
+                           bound / milliseconds(1));
+      accusation.decided = std::min(accusation.decided, page->since);
       return "";
     default:
       return "an uplinked program's word alone: only what is dead or stands still is restarted for it";
@@ -226,8 +308,11 @@ std::string doubt_of_foreign(Accusation& accusation, nanoseconds period, Monoton
 
 int serve_starter(Fd socket, const std::filesystem::path& deployment, const VarPaths& var,
                   const std::string& observer, Trust trust) {
-  Service service(deployment, var, observer, trust);
+  Service service(deployment, var, observer, trust, socket.get());
   while (true) {
+    pollfd entry{socket.get(), POLLIN | POLLRDHUP, 0};
+    if (poll(&entry, 1, -1) < 0 && errno == EINTR) continue;
+    if (has_hung_up(socket.get())) return 0;  // the node has ended: its last requests may be void
     Request request{};
     const ssize_t octets = recv(socket.get(), &request, sizeof request, 0);
     if (octets < 0 && errno == EINTR) continue;

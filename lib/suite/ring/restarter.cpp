@@ -523,6 +523,7 @@ RestartOutcome Restarter::start_new(Case& c, const RestartLock& lock) const {
   // The stop of the suite waits a second for this lock; killing may have taken longer.
   std::error_code ec;
   if (std::filesystem::exists(var_.stopping_flag(), ec)) return {What::stopping, 0, {}, ""};
+  if (wanted_ && !wanted_()) return {What::stopping, 0, {}, "who asked for it has ended"};
   DeathHistory history = read_deaths(var_, c.node->name);
   count_death(history, deployment_.ring, *c.begun);
   if (c.failed) take_next_best(c, *c.failed, history);

@@ -65,6 +65,8 @@ class Restarter {
   void set_pressure_source(std::function<std::optional<double>()> pressure) {
     pressure_ = std::move(pressure);
   }
+  /// Asked just before a start: false when who asked for it has ended meanwhile. Without it: it is wanted.
+  void set_wanted_source(std::function<bool()> wanted) { wanted_ = std::move(wanted); }
   /// How signals reach a process; a test has one here that does not obey.
   void set_signaller(std::function<int(const Process&, int number)> send) { send_ = std::move(send); }
   /// Records that were not written: too many at once, or the disk refused them.
@@ -96,6 +98,7 @@ class Restarter {
   std::filesystem::path bin_folder_;
   std::function<std::optional<std::uint32_t>()> generation_;
   std::function<const Deployment&()> deployment_now_;
+  std::function<bool()> wanted_;
   std::function<int(const Process&, int number)> send_;
   std::function<std::optional<double>()> pressure_;
   std::map<std::string, RestartOutcome::What> last_recorded_;  ///< a refusal that repeats is recorded once

@@ -206,6 +206,45 @@ TEST_F(Confining, AForeignNodeStillHasThreadsAndSockets) {
   EXPECT_TRUE(foreign_can([] { return socket(AF_INET, SOCK_DGRAM | SOCK_CLOEXEC, 0) >= 0; }));
 }
 
+TEST_F(Confining, AForeignNodeReachesNoServiceOfTheMachineOnHardware) {
+  const auto local_socket = [] { return socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0) >= 0; };
+  EXPECT_FALSE(foreign_can(local_socket));
+  EXPECT_TRUE(own_can(local_socket));
+  plan_.devices["can"] = "sim:run/can_hub.sock";
+  EXPECT_TRUE(foreign_can(local_socket)) << "simulated devices are such sockets";
+}
+
+TEST_F(Confining, AForeignNodeOpensTheTerminalsOfItsDevicesAlone) {
+  const auto make_terminal = [](std::string& name) {
+    Fd master(posix_openpt(O_RDWR | O_NOCTTY | O_CLOEXEC));
+    if (!master || grantpt(master.get()) != 0 || unlockpt(master.get()) != 0) return Fd();
+    name = ptsname(master.get());
+    return master;
+  };
+  std::string own;
+  std::string other;
+  const Fd first = make_terminal(own);
+  const Fd second = make_terminal(other);
+  ASSERT_TRUE(first && second);
+  std::filesystem::create_symlink(own, var_.run() / "gps_tty");
+  plan_.devices["gps_serial"] = "serial:run/gps_tty";
+  EXPECT_TRUE(foreign_can(opening(var_.run() / "gps_tty", O_RDWR | O_NOCTTY)));
+  EXPECT_FALSE(foreign_can(opening(other, O_RDWR | O_NOCTTY)));
+}
+
+TEST_F(Confining, AForeignPayloadHasItsMarkInMemoryAlone) {
+  EXPECT_TRUE(foreign_can(
+      [this] { return open_private(var_.memory() / "eps_ids_lost", O_WRONLY | O_CREAT).has_value(); }));
+  EXPECT_TRUE(foreign_can(
+      [this] { return open_private(var_.memory() / "eps_ids_lost", O_WRONLY | O_TRUNC).has_value(); }));
+  EXPECT_FALSE(foreign_can(opening(var_.memory() / "thermal_ids_lost", O_WRONLY | O_CREAT)));
+}
+
+TEST_F(Confining, InstalledNodesChangeNoPrograms) {
+  EXPECT_FALSE(own_can(opening(var_.root / "versions/eps/x", O_RDWR)));
+  EXPECT_TRUE(own_can(opening(var_.root / "versions/eps/x", O_RDONLY)));
+}
+
 TEST_F(Confining, OfTheInstalledNodesTtcAloneReadsKeys) {
   const auto read_key = opening(var_.root / "keys/tc.key", O_RDONLY);
   EXPECT_FALSE(own_can(read_key));
@@ -234,6 +273,9 @@ TEST_F(Confining, RootsNodesHaveTheCapabilitiesOfTheirWorkAlone) {
   EXPECT_TRUE(can("eps", 0, has(of_machine)));
   EXPECT_TRUE(can("timing", 0, has(1ULL << CAP_SYS_TIME | of_machine)));
   EXPECT_TRUE(can("can_switcher", 0, has(1ULL << CAP_NET_ADMIN)));
+  plan_.nodes.front().user = "nobody";
+  EXPECT_TRUE(can("can_switcher", 0, has(1ULL << CAP_NET_ADMIN | 1ULL << CAP_KILL)));
+  plan_.nodes.front().user.clear();
   EXPECT_TRUE(can("timing", 0, [] {
     timex change{};
     change.modes = ADJ_SETOFFSET | ADJ_NANO;  // by nothing
@@ -343,10 +385,84 @@ TEST_F(Starting, KillsNothingOnAForeignNodesWord) {
 }
 
 TEST_F(Starting, AForeignNodesSilentAccusationNeedsAHeartbeatThatStandsStill) {
-  Accusation a = accusation(FaultClass::silent, 1);
+  const milliseconds bound{300};
+  const MonotonicTime since{seconds(50)};
+  Accusation a = accusation(FaultClass::silent, 7);
   a.decided = MonotonicTime(seconds(1'000'000));  // a lie: later than every turn
-  EXPECT_THAT(doubt_of_foreign(a, milliseconds(100), MonotonicTime(seconds(50))), IsEmpty());
-  EXPECT_EQ(a.decided, MonotonicTime(milliseconds(49'800)));
+  EXPECT_THAT(doubt_of_foreign(a, std::nullopt, bound), HasSubstr("no heartbeat page"));
+  EXPECT_THAT(doubt_of_foreign(a, StillPage{8, since, bound}, bound), HasSubstr("no heartbeat page"))
+      << "another process'";
+  EXPECT_THAT(doubt_of_foreign(a, StillPage{7, since, bound - milliseconds(1)}, bound),
+              HasSubstr("not seen standing still for 300 ms"));
+  EXPECT_THAT(doubt_of_foreign(a, StillPage{7, since, bound}, bound), IsEmpty());
+  EXPECT_EQ(a.decided, since);
+}
+
+TEST_F(Starting, AForeignNodesWordOnAProcessWithoutAPageIsNotBelieved) {
+  serve(Trust::foreign);
+  const auto started = client_->restart(accusation(FaultClass::absent));
+  ASSERT_TRUE(started) << started.error();
+  ASSERT_EQ(started->what, What::restarted) << started->reason;
+  const auto outcome = client_->restart(accusation(FaultClass::silent, started->pid));
+  ASSERT_TRUE(outcome) << outcome.error();
+  EXPECT_EQ(outcome->what, What::not_believed);
+  EXPECT_EQ(find_instance(var_, "thermal")->pid, started->pid);
+}
+
+TEST_F(Starting, WhatWasAskedBeforeTheNodesEndIsNotDoneAfterIt) {
+  int ends[2];
+  ASSERT_EQ(socketpair(AF_UNIX, SOCK_SEQPACKET | SOCK_CLOEXEC, 0, ends), 0);
+  {
+    StarterClient node{Fd(ends[0]), milliseconds(20)};
+    (void)node.restart(accusation(FaultClass::absent));  // nobody serves yet
+  }
+  EXPECT_EQ(serve_starter(Fd(ends[1]), folder_ / "d.yaml", var_, "eps", Trust::own), 0);
+  EXPECT_FALSE(find_instance(var_, "thermal"));
+}
+
+TEST_F(Starting, AStarterThatDoesNotAnswerTwiceCountsAsGone) {
+  int ends[2];
+  ASSERT_EQ(socketpair(AF_UNIX, SOCK_SEQPACKET | SOCK_CLOEXEC, 0, ends), 0);
+  const Fd silent(ends[1]);
+  StarterClient client{Fd(ends[0]), milliseconds(20)};
+  const auto first = client.restart(accusation(FaultClass::absent));
+  ASSERT_TRUE(first);
+  EXPECT_EQ(first->what, What::under_way);
+  EXPECT_FALSE(client.restart(accusation(FaultClass::absent)));
+  EXPECT_FALSE(client.has_answered());
+}
+
+/// srfs-starter as the launcher makes it, with a program that may fail.
+TEST_F(Starting, AStarterThatFailsIsReportedAndAnotherIsStartedForTheNextRequest) {
+  int ends[2];
+  ASSERT_EQ(socketpair(AF_UNIX, SOCK_SEQPACKET | SOCK_CLOEXEC, 0, ends), 0);
+  StarterClient client{Fd(ends[0])};
+  const std::string waiting = bin + "/srfs-starter";
+  const std::string starting = bin + "/srfs";
+  const std::string deployment = (folder_ / "d.yaml").string();
+  setenv("SRFS_BIN_FOLDER", bin.c_str(), 1);
+  const std::string right = *read_file(deployment, 65536);
+  ASSERT_TRUE(write_file_atomically(deployment, "nodes: ["));
+  const pid_t child = fork();
+  if (child == 0) {
+    if (dup2(ends[1], starter_fd) < 0 || fcntl(starter_fd, F_SETFD, 0) != 0) _exit(3);
+    execl(waiting.c_str(), waiting.c_str(), starting.c_str(), deployment.c_str(), var_.root.c_str(), "eps",
+          "own", nullptr);
+    _exit(3);
+  }
+  close(ends[1]);
+  const auto failed = client.restart(accusation(FaultClass::absent));
+  ASSERT_TRUE(failed) << failed.error();
+  EXPECT_EQ(failed->what, What::cannot_start);
+  EXPECT_FALSE(client.has_answered());
+  ASSERT_TRUE(write_file_atomically(deployment, right));
+  const auto again = client.restart(accusation(FaultClass::absent));
+  ASSERT_TRUE(again) << again.error();
+  EXPECT_EQ(again->what, What::restarted) << again->reason;
+  client = StarterClient{Fd()};  // the node's end
+  int status = -1;
+  EXPECT_EQ(waitpid(child, &status, 0), child);
+  EXPECT_TRUE(WIFEXITED(status) && WEXITSTATUS(status) == 0) << status;
 }
 
 TEST_F(Starting, ANodeWhoseStarterIsGoneIsTold) {
