@@ -229,6 +229,10 @@ void allow_own(FileRules& rules, const Confinement::Place& place) {
   std::error_code ec;
   fs::create_directories(place.var.state(place.node.name), ec);
   if (program_of(place.node).starts_with("image_")) fs::create_directories(var / "images", ec);
+  // Nor read what others make there later: the ring reads the versions of its nodes.
+  const fs::path versions = var / "versions";
+  if (fs::create_directories(versions, ec) && geteuid() == 0) [[maybe_unused]]
+    const int ignored = lchown(versions.c_str(), place.var.owner().value_or(0), static_cast<gid_t>(-1));
   rules.allow_all_but("/", hidden, read_below);
   if (!commands) hidden.insert(hidden.end(), {var / "versions", var / "golden"});
   rules.allow_all_but(var, hidden, rules.all() & ~execute);

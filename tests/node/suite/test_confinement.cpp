@@ -243,6 +243,8 @@ TEST_F(Confining, AForeignPayloadHasItsMarkInMemoryAlone) {
 TEST_F(Confining, InstalledNodesChangeNoPrograms) {
   EXPECT_FALSE(own_can(opening(var_.root / "versions/eps/x", O_RDWR)));
   EXPECT_TRUE(own_can(opening(var_.root / "versions/eps/x", O_RDONLY)));
+  std::filesystem::remove_all(var_.root / "versions");
+  EXPECT_TRUE(own_can(opening(var_.root / "versions", O_RDONLY | O_DIRECTORY))) << "of those that come later";
 }
 
 TEST_F(Confining, OfTheInstalledNodesTtcAloneReadsKeys) {
