@@ -48,6 +48,7 @@ TEST_F(Orders, AStandInsRecordNamesNoProcessThatItsAuthorCouldNotEnd) {
   EXPECT_FALSE(find_overrun(var_, *record, now_ - seconds(1))) << "within its lease";
   ASSERT_EQ(chown(var_.root.c_str(), 65534, 65534), 0);
   EXPECT_FALSE(find_overrun(var_, *record, now_)) << "a user's record would have root kill root's process";
+  ASSERT_EQ(chown(var_.root.c_str(), 0, 0), 0);  // the folder in memory is root's
 }
 
 TEST_F(Orders, TheCommandPathIsWhatTheWatchdogNeedsAndWhatTelecommandsPassThrough) {
