@@ -21,8 +21,10 @@
 #include <linux/seccomp.h>
 #include <sched.h>
 #include <seccomp.h>
+#include <sys/ioctl.h>
 #include <sys/mman.h>
 #include <sys/prctl.h>
+#include <sys/resource.h>
 #include <sys/socket.h>
 #include <sys/stat.h>
 #include <sys/syscall.h>
@@ -56,6 +58,7 @@ constexpr std::array refused_to_all{
     // machine
     "reboot", "swapon", "swapoff", "syslog", "vhangup", "sethostname", "setdomainname", "iopl", "ioperm",
     "modify_ldt", "uselib", "ustat", "personality"};
+constexpr int io_priority_of_one = 1;  // IOPRIO_WHO_PROCESS
 constexpr std::array refused_without_clock{"settimeofday", "clock_settime", "clock_adjtime", "adjtimex"};
 /// A foreign node sends no signal to others, holds no lock of others, starts nothing. (kill, tgkill, clone
 /// have rules of their own.)
@@ -71,14 +74,31 @@ constexpr std::array refused_to_foreign{"tkill",
                                         "msgget",
                                         "semget",
                                         "shmget",
-                                        "mq_open"};
+                                        "mq_open",
+                                        "memfd_create",
+                                        "memfd_secret",
+                                        "migrate_pages",
+                                        "move_pages",
+                                        "process_madvise",
+                                        "process_mrelease"};
+/// Flags of mmap. RLIMIT_DATA counts neither of these, nor what memfd_create and /dev/zero give.
+constexpr std::array memory_beside_its_limit{MAP_SHARED | MAP_ANONYMOUS, MAP_GROWSDOWN};
+/// Their first argument is the process, or thread, that changes; 0: the caller.
+constexpr std::array of_the_caller_alone{"prlimit64", "sched_setscheduler", "sched_setparam", "sched_setattr",
+                                         "sched_setaffinity"};
+/// The kernel then sends a signal of one's choice to whom one chooses, when there is something to read.
+constexpr std::array owner_of_signals_fcntl{F_SETOWN, F_SETOWN_EX, F_SETSIG};
+constexpr std::array owner_of_signals_ioctl{FIOSETOWN, SIOCSPGRP};
 
 constexpr std::array system_folders{"/usr", "/bin", "/sbin", "/lib", "/lib32", "/lib64", "/libx32"};
 constexpr std::array public_files{"/etc/ld.so.cache",     "/etc/ld.so.conf", "/etc/ld.so.conf.d",
                                   "/etc/alternatives",    "/etc/localtime",  "/etc/hosts",
                                   "/etc/nsswitch.conf",   "/etc/passwd",     "/etc/group",
                                   "/etc/ssl/openssl.cnf", "/etc/host.conf",  "/etc/resolv.conf"};
-constexpr std::array devices{"/dev/null", "/dev/zero", "/dev/full", "/dev/random", "/dev/urandom"};
+constexpr std::array devices{"/dev/null", "/dev/full", "/dev/random", "/dev/urandom"};
+
+/// Where the package keeps the settings of srfs_rescue, keys among them (packaging/srfs-start).
+constexpr const char* rescue_folder = "/var/lib/srfs-rescue";
 
 constexpr std::uint64_t read_file = LANDLOCK_ACCESS_FS_READ_FILE;
 constexpr std::uint64_t read_below = read_file | LANDLOCK_ACCESS_FS_READ_DIR;
@@ -156,6 +176,15 @@ bool needs_local_sockets(const Deployment& deployment) {
   });
 }
 
+/// An argument of 32 bits: the kernel does not look at what stands above them.
+scmp_arg_cmp is(unsigned argument, int value) {
+  return {argument, SCMP_CMP_MASKED_EQ, UINT32_MAX, static_cast<std::uint32_t>(value)};
+}
+
+scmp_arg_cmp has(unsigned argument, int flags) {
+  return {argument, SCMP_CMP_MASKED_EQ, static_cast<std::uint32_t>(flags), static_cast<std::uint32_t>(flags)};
+}
+
 std::string program_of(const NodeEntry& node) {
   return fs::path(node.executable).filename().string();
 }
@@ -218,13 +247,13 @@ void allow_foreign(FileRules& rules, const Confinement::Place& place) {
   if (program_of(place.node).starts_with("image_")) rules.allow(var.root / "images", rules.all() & ~execute);
 }
 
-/// Reads what its user may, except for keys; writes below VAR, except for programs, and to devices; executes
-/// nothing but programs of the system and of SRFS.
+/// Reads what its user may, except for keys and their copies; writes below VAR, except for programs, and to
+/// devices; executes nothing but programs of the system and of SRFS.
 void allow_own(FileRules& rules, const Confinement::Place& place) {
   const fs::path& var = place.var.root;
   const bool commands = program_of(place.node) == "ttc_node";
   std::vector<fs::path> hidden;
-  if (!commands) hidden = {var / "keys", var / "ground"};
+  if (!commands) hidden = {var / "keys", var / "golden", var / "set_aside", var / "ground", rescue_folder};
   // What it makes in VAR itself it could not make later.
   std::error_code ec;
   fs::create_directories(place.var.state(place.node.name), ec);
@@ -234,7 +263,7 @@ void allow_own(FileRules& rules, const Confinement::Place& place) {
   if (fs::create_directories(versions, ec) && geteuid() == 0) [[maybe_unused]]
     const int ignored = lchown(versions.c_str(), place.var.owner().value_or(0), static_cast<gid_t>(-1));
   rules.allow_all_but("/", hidden, read_below);
-  if (!commands) hidden.insert(hidden.end(), {var / "versions", var / "golden"});
+  if (!commands) hidden.push_back(var / "versions");
   rules.allow_all_but(var, hidden, rules.all() & ~execute);
   rules.allow(place.var.memory().parent_path(), rules.all() & ~execute);
   for (const char* folder : {"/dev", "/proc"}) rules.allow(folder, read_below | write_file | truncate_file);
@@ -325,9 +354,17 @@ void Confinement::make_filter([[maybe_unused]] const Place& place) {
     refuse(SCMP_SYS(clone), EPERM, {{0, SCMP_CMP_MASKED_EQ, CLONE_THREAD, 0}});
     for (const int call : {SCMP_SYS(kill), SCMP_SYS(tgkill)})
       refuse(call, EPERM, {{0, SCMP_CMP_NE, own_pid_mark, 0}});
-    refuse(SCMP_SYS(prlimit64), EPERM, {{0, SCMP_CMP_NE, 0, 0}});
-    if (!needs_local_sockets(place.deployment))
-      refuse(SCMP_SYS(socket), EACCES, {{0, SCMP_CMP_EQ, AF_UNIX, 0}});
+    for (const int flags : memory_beside_its_limit) refuse(SCMP_SYS(mmap), EPERM, {has(3, flags)});
+    for (const char* call : of_the_caller_alone)
+      refuse(seccomp_syscall_resolve_name(call), EPERM, {{0, SCMP_CMP_NE, 0, 0}});
+    for (const int call : {SCMP_SYS(setpriority), SCMP_SYS(ioprio_set)}) {
+      const scmp_datum_t one_process = call == SCMP_SYS(setpriority) ? PRIO_PROCESS : io_priority_of_one;
+      refuse(call, EPERM, {{0, SCMP_CMP_NE, one_process, 0}});
+      refuse(call, EPERM, {{1, SCMP_CMP_NE, 0, 0}});
+    }
+    for (const int command : owner_of_signals_fcntl) refuse(SCMP_SYS(fcntl), EPERM, {is(1, command)});
+    for (const int request : owner_of_signals_ioctl) refuse(SCMP_SYS(ioctl), EPERM, {is(1, request)});
+    if (!needs_local_sockets(place.deployment)) refuse(SCMP_SYS(socket), EACCES, {is(0, AF_UNIX)});
   }
   const Fd text(memfd_create("filter", MFD_CLOEXEC));
   if (result == 0) result = text ? seccomp_export_bpf(filter.get(), text.get()) : -errno;

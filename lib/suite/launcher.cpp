@@ -52,6 +52,7 @@ constexpr rlim_t open_files = 1024;
 constexpr rlim_t most_open_files = 4096;
 constexpr rlim_t stack_octets = 8U << 20;
 constexpr rlim_t foreign_file_octets = 128U << 20;  // of one file
+constexpr rlim_t foreign_memory_octets = 1U << 30;  // where the deployment names no limit
 constexpr rlim_t locked_octets = 64U << 20;
 constexpr unsigned long timer_slack_ns = 50'000;  // the kernel's own default
 constexpr milliseconds longest_exec{1000};
@@ -282,6 +283,22 @@ void set_limits(const NodeEntry& node) {
   limit(RLIMIT_STACK, stack_octets);
 }
 
+/// A foreign node raises no limit that the suite gave it.
+void bind_limits(const NodeEntry& node) {
+  constexpr int niceness_0 = 20;  // as RLIMIT_NICE counts
+  const auto fix = [](__rlimit_resource resource, rlim_t value) { limit(resource, value, value); };
+  fix(RLIMIT_FSIZE, foreign_file_octets);
+  const Scheduling& s = node.scheduling;
+  fix(RLIMIT_RTPRIO, s.policy == SchedulingPolicy::fifo ? static_cast<rlim_t>(s.priority) : 0);
+  fix(RLIMIT_NICE, static_cast<rlim_t>(niceness_0 - (s.nice == 0 ? flight_niceness : s.nice)));
+  if (node.memory_limit_mib == 0) fix(RLIMIT_DATA, foreign_memory_octets);
+  for (const auto resource : {RLIMIT_CORE, RLIMIT_DATA, RLIMIT_MEMLOCK, RLIMIT_MSGQUEUE, RLIMIT_NOFILE,
+                              RLIMIT_SIGPENDING, RLIMIT_STACK}) {
+    rlimit now{};
+    if (getrlimit(resource, &now) == 0) fix(resource, now.rlim_cur);
+  }
+}
+
 // Missing permission for any of these leaves the node running normally; it says so once itself.
 void set_scheduling(const Scheduling& s) {
   cpu_set_t cpus;
@@ -365,7 +382,7 @@ void enter_control_group(int members) {
   set_scheduling(node.scheduling);
   write_oom_score(p.oom_score_adj);
   start_starter(p);
-  if (p.confinement.trust() == Trust::foreign) limit(RLIMIT_FSIZE, foreign_file_octets, foreign_file_octets);
+  if (p.confinement.trust() == Trust::foreign) bind_limits(node);
   const bool is_confined = p.confinement.trust() != Trust::whole;
   if (p.owner && !become(*p.owner, is_confined)) report_and_exit(pipe_fd, "user");
   syscall(SYS_close_range, 3U, ~0U, CLOSE_RANGE_CLOEXEC);

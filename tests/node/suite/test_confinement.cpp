@@ -16,8 +16,11 @@
 #include <poll.h>
 #include <sched.h>
 #include <sys/file.h>
+#include <sys/ioctl.h>
+#include <sys/mman.h>
 #include <sys/mount.h>
 #include <sys/ptrace.h>
+#include <sys/resource.h>
 #include <sys/socket.h>
 #include <sys/stat.h>
 #include <sys/syscall.h>
@@ -73,7 +76,8 @@ class Confining : public testing::Test {
     std::filesystem::create_directories(var_.root);
     ASSERT_TRUE(var_.make_run_folder());
     (void)open_private(var_.memory() / "thermal.deaths", O_RDWR | O_CREAT);
-    for (const char* file : {"keys/tc.key", "state/eps/own", "state/thermal/journal", "versions/eps/x"})
+    for (const char* file :
+         {"keys/tc.key", "golden/copy_of_tc.key", "state/eps/own", "state/thermal/journal", "versions/eps/x"})
       ASSERT_TRUE(write_file_atomically(var_.root / file, "secret"));
     std::ofstream(var_.restart_lock("thermal"));
   }
@@ -178,6 +182,56 @@ TEST_F(Confining, AForeignNodeTracesSignalsAndLocksNothing) {
   EXPECT_TRUE(foreign_can([] { return kill(getpid(), 0) == 0; })) << "itself";
 }
 
+TEST_F(Confining, AForeignNodeHasNoSignalSentByTheKernel) {
+  const pid_t other = getpid();
+  const auto on_pipe = [](int command, int value) {
+    return [=] {
+      int ends[2] = {-1, -1};
+      return pipe2(ends, O_CLOEXEC) == 0 && fcntl(ends[0], command, value) == 0;
+    };
+  };
+  EXPECT_FALSE(foreign_can(on_pipe(F_SETOWN, other)));
+  EXPECT_FALSE(foreign_can(on_pipe(F_SETSIG, SIGKILL)));
+  EXPECT_FALSE(foreign_can([=] {
+    int ends[2] = {-1, -1};
+    const f_owner_ex owner{F_OWNER_PID, other};
+    return pipe2(ends, O_CLOEXEC) == 0 && fcntl(ends[0], F_SETOWN_EX, &owner) == 0;
+  }));
+  EXPECT_FALSE(foreign_can([=] {
+    int owner = other;
+    const int udp = socket(AF_INET, SOCK_DGRAM | SOCK_CLOEXEC, 0);
+    return ioctl(udp, FIOSETOWN, &owner) == 0 || ioctl(udp, SIOCSPGRP, &owner) == 0;
+  }));
+}
+
+TEST_F(Confining, AForeignNodeHasNoMemoryBesideItsLimit) {
+  const auto mapping = [](int flags) {
+    return [=] { return mmap(nullptr, 4096, PROT_READ | PROT_WRITE, flags, -1, 0) != MAP_FAILED; };
+  };
+  EXPECT_FALSE(foreign_can(mapping(MAP_SHARED | MAP_ANONYMOUS)));
+  EXPECT_FALSE(foreign_can(mapping(MAP_SHARED_VALIDATE | MAP_ANONYMOUS)));
+  EXPECT_FALSE(foreign_can(mapping(MAP_PRIVATE | MAP_ANONYMOUS | MAP_GROWSDOWN)));
+  EXPECT_FALSE(foreign_can([] { return memfd_create("x", MFD_CLOEXEC) >= 0; }));
+  EXPECT_FALSE(foreign_can(opening("/dev/zero", O_RDONLY)));
+  EXPECT_TRUE(foreign_can(mapping(MAP_PRIVATE | MAP_ANONYMOUS)));
+}
+
+TEST_F(Confining, AForeignNodeChangesNobodysPriorityButItsOwn) {
+  const pid_t other = getpid();
+  const sched_param none{};
+  cpu_set_t one{};
+  CPU_SET(0, &one);
+  constexpr int io_of_a_process = 1;
+  constexpr int idle_io = 3 << 13;
+  EXPECT_FALSE(foreign_can([=] { return setpriority(PRIO_PROCESS, other, 19) == 0; }));
+  EXPECT_FALSE(foreign_can([=] { return setpriority(PRIO_PGRP, 0, 19) == 0; })) << "all of its group";
+  EXPECT_FALSE(foreign_can([=] { return sched_setscheduler(other, SCHED_IDLE, &none) == 0; }));
+  EXPECT_FALSE(foreign_can([=] { return sched_setaffinity(other, sizeof one, &one) == 0; }));
+  EXPECT_FALSE(foreign_can([=] { return syscall(SYS_ioprio_set, io_of_a_process, other, idle_io) == 0; }));
+  EXPECT_TRUE(foreign_can([=] { return setpriority(PRIO_PROCESS, 0, 19) == 0; }));
+  EXPECT_TRUE(foreign_can([=] { return syscall(SYS_ioprio_set, io_of_a_process, 0, idle_io) == 0; }));
+}
+
 TEST_F(Confining, AForeignNodeHasNoCapabilitiesStartsNothingAndChangesNothingOfTheMachine) {
   EXPECT_TRUE(foreign_can([] {
     const auto real = privileges_from(read_file("/proc/self/status", 65536).value_or(""));
@@ -209,6 +263,10 @@ TEST_F(Confining, AForeignNodeStillHasThreadsAndSockets) {
 TEST_F(Confining, AForeignNodeReachesNoServiceOfTheMachineOnHardware) {
   const auto local_socket = [] { return socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0) >= 0; };
   EXPECT_FALSE(foreign_can(local_socket));
+  EXPECT_FALSE(foreign_can([] {
+    constexpr unsigned long unused_half = 1UL << 32U;  // the kernel takes it for AF_UNIX
+    return syscall(SYS_socket, unused_half | AF_UNIX, SOCK_STREAM, 0) >= 0;
+  }));
   EXPECT_TRUE(own_can(local_socket));
   plan_.devices["can"] = "sim:run/can_hub.sock";
   EXPECT_TRUE(foreign_can(local_socket)) << "simulated devices are such sockets";
@@ -253,6 +311,7 @@ TEST_F(Confining, OfTheInstalledNodesTtcAloneReadsKeys) {
   EXPECT_FALSE(can("timing", 0, read_key));
   EXPECT_TRUE(can("ttc", 0, read_key));
   EXPECT_TRUE(can("ttc", 1, read_key)) << "an uplinked ttc has to command, too";
+  EXPECT_FALSE(own_can(opening(var_.root / "golden/copy_of_tc.key", O_RDONLY)));
   EXPECT_TRUE(own_can(opening(var_.root / "state/thermal/journal", O_RDWR)));
   EXPECT_TRUE(own_can(opening(var_.root / "state/eps/new", O_RDWR | O_CREAT)));
   for (const char* file : {"/etc/srfs_new", "/usr/srfs_new", "/tmp/srfs_confinement_new"})
@@ -314,6 +373,12 @@ TEST_F(Confining, AnUplinkedProgramIsConfinedBeforeItsFirstInstruction) {
   EXPECT_EQ(real.capabilities, 0U);
   EXPECT_TRUE(real.no_new_privileges);
   EXPECT_TRUE(real.filtered);
+  for (const auto resource : {RLIMIT_DATA, RLIMIT_STACK, RLIMIT_FSIZE, RLIMIT_RTPRIO, RLIMIT_NICE}) {
+    rlimit bound{};
+    ASSERT_EQ(prlimit(*pid, resource, nullptr, &bound), 0);
+    EXPECT_NE(bound.rlim_max, RLIM_INFINITY) << resource;
+    EXPECT_EQ(bound.rlim_cur, bound.rlim_max) << "limit " << resource << " can be raised";
+  }
 }
 
 TEST_F(Confining, EachNodeHasAStarterThatEndsWithIt) {
