@@ -1,0 +1,101 @@
+# SPDX-FileCopyrightText: 2026 SRFS contributors
+# SPDX-License-Identifier: Apache-2.0
+"""A payload's uplinked program attacks what is around it: hostile_node.cpp."""
+
+import json
+import os
+import pathlib
+import re
+
+from support import BIN, DEADLINE_S, SystemTest, slots, wait_for_slots
+from test_update import UpdateTest
+
+from srfs import ROOT
+from srfs.flight.processes import wait_until
+
+NODE = "payload_thermal"
+OTHERS = ("payload_adcs", "payload_eps")
+MOST = {"descriptors": 1024, "MiB of a file": 128, "MiB of memory": 256}
+# Kinds of attempts that the report must have; those on processes once for each.
+ATTEMPTS = ("list keys", "read keys/package.pub", "write run/stopping", "memory by ptrace", "signal by fcntl", "end by kill", "start a process",
+            "a real-time priority", "shared memory")  # fmt: skip
+
+
+class HostileNodeTest(SystemTest):
+    """The judge: what the attacks changed, seen from outside."""
+
+    def state_of(self, pid):
+        stat = pathlib.Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
+        return {"stopped": stat[0] in "Tt", "niceness": stat[16], "policy": os.sched_getscheduler(pid), "CPUs": os.sched_getaffinity(pid)}
+
+    def processes(self, flight):
+        return {node["name"]: node["pid"] for node in flight.status() if node["name"] != NODE}
+
+    def prepare(self, flight):
+        """Lets the program attack when it is Active: a file in its own folder, which the golden program does not look at."""
+        self.secret = os.urandom(16).hex()
+        (flight.var / "files").mkdir(exist_ok=True)
+        (flight.var / "files" / "of_others").write_text(self.secret)
+        own = flight.var / "state" / NODE
+        own.mkdir(parents=True, exist_ok=True)
+        (own / "attack").touch()
+        return self.processes(flight), {node: self.state_of(pid) for node, pid in self.processes(flight).items()}
+
+    def judge(self, flight, recorder, since, before):
+        report = flight.var / "state" / NODE / "attacks"
+        wait_until(lambda: report.exists() and report.read_text().endswith("end of all attempts\n"), DEADLINE_S, "it has attempted everything")
+        wait_until(lambda: flight.versions(NODE)["running"] == 0, DEADLINE_S, "it was ended and rolled back")
+        self.assertEqual(flight.versions(NODE)["versions"][-1]["state"], "failed")
+        lines = report.read_text().splitlines()
+        self.assertEqual([line for line in lines if line.startswith("done")], [])
+        refused = [line.removeprefix("refused ") for line in lines if line.startswith("refused")]
+        for kind in ATTEMPTS:
+            self.assertTrue(any(line.startswith(kind) for line in refused), f"{kind} was not attempted")
+        victims = {int(line.rpartition(" ")[2]) for line in refused if line.startswith("end by kill")}
+        self.assertLessEqual(set(before[0].values()), victims, "it knows all other nodes")
+        for amount, what in (re.match(r"took (\d+) (.+)", line).groups() for line in lines if line.startswith("took")):
+            self.assertLessEqual(int(amount), MOST[what], what)
+            self.assertGreater(int(amount), 0, what)
+
+        # Whatever it reports: nobody else was ended, stopped or slowed down, and no slot was lost.
+        self.assertEqual(self.processes(flight), before[0])
+        self.assertEqual({node: self.state_of(pid) for node, pid in before[0].items()}, before[1])
+        self.assertEqual((flight.var / "files" / "of_others").read_text(), self.secret)
+        self.assertFalse((flight.var / "run" / "stopping").exists())
+        after = recorder.position()
+        for payload in OTHERS:
+            wait_for_slots(recorder, payload, "released", 2, after)
+            self.assertEqual(slots(recorder, payload, "failed", since), [])
+        faults = [json.loads(line) for line in flight.srfs("faults").stdout.splitlines()]
+        self.assertEqual({fault["subject"] for fault in faults if fault.get("outcome_text") == "restarted"} - {NODE}, set())
+        print(f"{len(refused)} attempts refused;", *(line for line in lines if line.startswith("took")), sep=" ")
+
+    def test_an_uplinked_program_reaches_none_of_its_goals_and_is_rolled_back(self):
+        with self.flight("fig16") as flight:
+            recorder = flight.recorder()
+            before = self.prepare(flight)
+            for payload in OTHERS:
+                wait_for_slots(recorder, payload, "released", 1, 0)
+            since = recorder.position()
+            for words in (("add", NODE, str(BIN / "hostile_node")), ("use", NODE, "1", "--probation", "3600")):
+                self.assertEqual(flight.srfs("versions", *words).returncode, 0, words)
+            self.judge(flight, recorder, since, before)
+            self.complete(flight.ground(), "tc ring.report_faults count=1")
+
+
+class HostilePackageTest(UpdateTest, HostileNodeTest):
+    """From its signed package on: the build, the self-test and the swap have nothing against it."""
+
+    def test_an_uplinked_program_reaches_none_of_its_goals_and_is_rolled_back(self):
+        with self.flight() as flight:
+            ground, recorder = flight.ground(), flight.recorder()
+            before = self.prepare(flight)
+            for payload in OTHERS:
+                wait_for_slots(recorder, payload, "released", 1, 0)
+            package = self.package((ROOT / "tests/system/hostile_node.cpp").read_text())
+            outcome, since_sent = self.install(ground, flight, package)
+            since = recorder.position()
+            self.assertEqual(outcome["stage"], "completed", outcome)
+            self.assertIn(self.end(ground, since_sent)["event"], ("update.installed", "update.failed"))
+            self.judge(flight, recorder, since, before)
+            self.complete(ground, "tc ring.report_faults count=1")
