@@ -110,7 +110,8 @@ class CrashPointTest(OnceTest):
     CALLS = int(os.environ.get("SRFS_CRASH_POINTS", "16"))
 
     def armed_deployment(self):
-        self.point = self.folder / "crash_point"
+        self.point = self.var / "crash_point"  # below VAR: ttc writes nowhere else
+        self.var.mkdir()
         self.point.write_bytes(bytes(16))
         wrapper = self.folder / "ttc_node"
         wrapper.write_text(f'#!/bin/sh\nexport LD_PRELOAD={BIN.parent}/lib/libsrfs_crash_point.so SRFS_CRASH_POINT={self.point}\nexec {BIN}/ttc_node "$@"\n')

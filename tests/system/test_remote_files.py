@@ -168,7 +168,8 @@ class RemoteFilesTest(SystemTest):
             self.complete(ground, "tc file.delete file=down")
 
     def faulty_deployment(self):
-        self.fault = self.folder / "disk_fault"
+        self.fault = self.var / "disk_fault"  # below VAR: ttc writes nowhere else
+        self.var.mkdir()
         self.fault.write_bytes(bytes(4))
         wrapper = self.folder / "ttc_node"
         wrapper.write_text(f'#!/bin/sh\nexport LD_PRELOAD={BIN.parent}/lib/libsrfs_disk_fault.so SRFS_DISK_FAULT={self.fault}\nexec {BIN}/ttc_node "$@"\n')
