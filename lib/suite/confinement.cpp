@@ -86,9 +86,10 @@ constexpr std::array memory_beside_its_limit{MAP_SHARED | MAP_ANONYMOUS, MAP_GRO
 /// Their first argument is the process, or thread, that changes; 0: the caller.
 constexpr std::array of_the_caller_alone{"prlimit64", "sched_setscheduler", "sched_setparam", "sched_setattr",
                                          "sched_setaffinity"};
-/// The kernel then sends a signal of one's choice to whom one chooses, when there is something to read.
-constexpr std::array owner_of_signals_fcntl{F_SETOWN, F_SETOWN_EX, F_SETSIG};
-constexpr std::array owner_of_signals_ioctl{FIOSETOWN, SIOCSPGRP};
+/// The kernel sends a signal of one's choice to whom one chooses, when there is something to read; holds who
+/// opens a file until its lease is given back; names nobody as the holder of a lock.
+constexpr std::array refused_of_fcntl{F_SETOWN, F_SETOWN_EX, F_SETSIG, F_SETLEASE, F_OFD_SETLK, F_OFD_SETLKW};
+constexpr std::array refused_of_ioctl{FIOSETOWN, SIOCSPGRP};
 
 constexpr std::array system_folders{"/usr", "/bin", "/sbin", "/lib", "/lib32", "/lib64", "/libx32"};
 constexpr std::array public_files{"/etc/ld.so.cache",     "/etc/ld.so.conf", "/etc/ld.so.conf.d",
@@ -362,8 +363,8 @@ void Confinement::make_filter([[maybe_unused]] const Place& place) {
       refuse(call, EPERM, {{0, SCMP_CMP_NE, one_process, 0}});
       refuse(call, EPERM, {{1, SCMP_CMP_NE, 0, 0}});
     }
-    for (const int command : owner_of_signals_fcntl) refuse(SCMP_SYS(fcntl), EPERM, {is(1, command)});
-    for (const int request : owner_of_signals_ioctl) refuse(SCMP_SYS(ioctl), EPERM, {is(1, request)});
+    for (const int command : refused_of_fcntl) refuse(SCMP_SYS(fcntl), EPERM, {is(1, command)});
+    for (const int request : refused_of_ioctl) refuse(SCMP_SYS(ioctl), EPERM, {is(1, request)});
     if (!needs_local_sockets(place.deployment)) refuse(SCMP_SYS(socket), EACCES, {is(0, AF_UNIX)});
   }
   const Fd text(memfd_create("filter", MFD_CLOEXEC));

@@ -175,8 +175,8 @@ std::optional<RunningInstance> find_instance(const VarPaths& var, const std::str
   }
   const Fd fd(open(var.instance_lock(node).c_str(), O_RDONLY | O_NOFOLLOW | O_CLOEXEC));
   if (!fd) return std::nullopt;
-  struct flock lock = whole_file(F_WRLCK);
-  // F_GETLK names the holder.
+  struct flock lock = whole_file(F_RDLCK);
+  // F_GETLK names the holder: of an exclusive lock, which a shared one would conflict with.
   if (fcntl(fd.get(), F_GETLK, &lock) != 0 || lock.l_type == F_UNLCK) return std::nullopt;
   RunningInstance instance{lock.l_pid, 0, "-"};
   // The text may still be the predecessor's: it counts only when it names the lock's holder.

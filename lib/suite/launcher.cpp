@@ -58,6 +58,7 @@ constexpr unsigned long timer_slack_ns = 50'000;  // the kernel's own default
 constexpr milliseconds longest_exec{1000};
 constexpr milliseconds longest_wait_for_cpu{2000};
 constexpr milliseconds longest_wait_for_instance{1000};
+constexpr milliseconds longest_end_of_a_pretender{200};
 constexpr milliseconds longest_wait_for_lock{3000};
 constexpr milliseconds longest_wait_for_end{1000};
 constexpr const char* no_golden = "an added node has no golden version";
@@ -507,6 +508,35 @@ std::optional<std::string> damage_of(const VarPaths& var, const NodeEntry& node,
   return std::nullopt;
 }
 
+/// A process that keeps the node from its instance lock by a shared one, which no node takes: who may only
+/// read the file can do no more. nullopt: none.
+std::optional<Process> open_pretender(const VarPaths& var, const std::string& node) {
+  const Fd fd(open(var.instance_lock(node).c_str(), O_RDONLY | O_NOFOLLOW | O_CLOEXEC));
+  if (!fd) return std::nullopt;
+  const auto holder = [&fd]() -> pid_t {
+    struct flock lock {};
+    lock.l_type = F_WRLCK;
+    return fcntl(fd.get(), F_GETLK, &lock) == 0 && lock.l_type == F_RDLCK ? lock.l_pid : 0;
+  };
+  const pid_t pid = holder();
+  if (pid <= 0) return std::nullopt;
+  auto process = Process::open(pid);
+  // Still the holder: then the descriptor names it, and no later process of that number.
+  return process && holder() == pid ? std::move(process) : std::nullopt;
+}
+
+/// An uplinked program may keep a dead node down by such a lock.
+void end_pretenders(const VarPaths& var, const std::string& node) {
+  constexpr int most = 4;
+  for (int i = 0; i < most; ++i) {
+    const auto pretender = open_pretender(var, node);
+    if (!pretender) return;
+    log::warn("process {} keeps {} from its instance lock: killed", pretender->pid(), node);
+    pretender->signal(SIGKILL);
+    (void)pretender->wait_for_exit(longest_end_of_a_pretender);
+  }
+}
+
 Result<pid_t, std::string> start_version(const LaunchRequest& request, const NodeEntry& node,
                                          update::VersionNumber number) {
   const bool in_slot = number != update::golden;
@@ -515,6 +545,7 @@ Result<pid_t, std::string> start_version(const LaunchRequest& request, const Nod
                                : golden_program(request, node);
   const auto prepared = prepare(request, node, program, number);
   if (!prepared) return Err(prepared.error());
+  end_pretenders(request.var, node.name);
   auto process = spawn(*prepared, node);
   if (!process) return Err(process.error());
   remember_started(request.var, node.name, *process, monotonic_now(), number);

@@ -36,8 +36,8 @@ def pids():
 
 
 def lock_owner(path):
-    """Pid that holds the record lock of a node's lock file, as the kernel reports it; None when no process does."""
-    whole_file = struct.pack("hhqqi4x", fcntl.F_WRLCK, os.SEEK_SET, 0, 0, 0)
+    """Pid that holds the record lock of a node's lock file, as the kernel reports it; None when no process does. A shared lock is nobody's."""
+    whole_file = struct.pack("hhqqi4x", fcntl.F_RDLCK, os.SEEK_SET, 0, 0, 0)
     try:
         with open(path, "r+b") as file:
             kind, _, _, _, pid = struct.unpack("hhqqi4x", fcntl.fcntl(file, fcntl.F_GETLK, whole_file))

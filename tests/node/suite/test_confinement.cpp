@@ -19,6 +19,7 @@
 #include <sys/ioctl.h>
 #include <sys/mman.h>
 #include <sys/mount.h>
+#include <sys/prctl.h>
 #include <sys/ptrace.h>
 #include <sys/resource.h>
 #include <sys/socket.h>
@@ -202,6 +203,48 @@ TEST_F(Confining, AForeignNodeHasNoSignalSentByTheKernel) {
     const int udp = socket(AF_INET, SOCK_DGRAM | SOCK_CLOEXEC, 0);
     return ioctl(udp, FIOSETOWN, &owner) == 0 || ioctl(udp, SIOCSPGRP, &owner) == 0;
   }));
+}
+
+TEST_F(Confining, AForeignNodeHoldsNobodyWhoOpensAFile) {
+  std::ofstream(var_.root / "state/eps/own") << "text";
+  EXPECT_FALSE(foreign_can([this] {
+    const int fd = open((var_.root / "state/eps/own").c_str(), O_RDONLY | O_CLOEXEC);
+    return fcntl(fd, F_SETLEASE, F_RDLCK) == 0;
+  }));
+}
+
+TEST_F(Confining, AForeignNodeThatKeepsADeadNodeFromItsLockIsKilledWhenThatIsStarted) {
+  std::ofstream(var_.instance_lock("thermal"));
+  const auto locks = [this](int command, int flags) {
+    const int fd = open(var_.instance_lock("thermal").c_str(), flags | O_CLOEXEC);
+    struct flock shared {};
+    shared.l_type = F_RDLCK;
+    return fd >= 0 && fcntl(fd, command, &shared) == 0;
+  };
+  EXPECT_FALSE(foreign_can([=] { return locks(F_OFD_SETLK, O_RDONLY); })) << "nobody's, by F_GETLK";
+  EXPECT_FALSE(foreign_can([=] { return locks(F_SETLK, O_RDWR); }));
+  const Confinement confinement =
+      Confinement::make({plan_, var_, *plan_.find("eps"), bin + "/launch_probe", bin}, Trust::foreign);
+  const pid_t pretender = fork();
+  if (pretender == 0) {
+    prctl(PR_SET_PDEATHSIG, SIGKILL);
+    if (confinement.enter() != nullptr || !locks(F_SETLK, O_RDONLY)) _exit(2);
+    while (true) pause();
+  }
+  ASSERT_TRUE(wait_until([&] {
+    struct flock lock {};
+    lock.l_type = F_WRLCK;
+    const Fd fd(open(var_.instance_lock("thermal").c_str(), O_RDONLY | O_CLOEXEC));
+    return fcntl(fd.get(), F_GETLK, &lock) == 0 && lock.l_pid == pretender;
+  }));
+  EXPECT_FALSE(find_instance(var_, "thermal")) << "no node has a shared lock";
+
+  const auto pid = launch({plan_, var_, bin, "up"}, *plan_.find("thermal"));
+  ASSERT_TRUE(pid) << pid.error();
+  EXPECT_EQ(find_instance(var_, "thermal")->pid, *pid);
+  int status = 0;
+  waitpid(pretender, &status, 0);
+  EXPECT_TRUE(WIFSIGNALED(status) && WTERMSIG(status) == SIGKILL) << status;
 }
 
 TEST_F(Confining, AForeignNodeHasNoMemoryBesideItsLimit) {
