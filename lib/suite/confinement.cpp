@@ -30,6 +30,9 @@
 #include <sys/syscall.h>
 #include <unistd.h>
 
+#include "base/background.hpp"
+#include "base/file.hpp"
+
 namespace srfs::suite {
 namespace {
 
@@ -204,6 +207,16 @@ bool buffers_need_a_privilege() {
   return !(file >> most) || most < wanted;
 }
 
+/// flight_niceness. The package's unit permits it by a limit; who may not raise limits has the capability
+/// alone.
+bool weight_needs_a_privilege() {
+  constexpr int niceness_0 = 20;  // as RLIMIT_NICE counts
+  rlimit limit{};
+  if (getrlimit(RLIMIT_NICE, &limit) == 0 && limit.rlim_max >= niceness_0 - flight_niceness) return false;
+  const auto own = privileges_from(srfs::read_file("/proc/self/status", 65536).value_or(""));
+  return (own.capabilities & bit_of(CAP_SYS_RESOURCE)) == 0;
+}
+
 fs::path library_folder() {
   Dl_info self{};
   if (dladdr(reinterpret_cast<const void*>(&privileges_from), &self) == 0 || self.dli_fname == nullptr)
@@ -304,6 +317,7 @@ Confinement Confinement::make(const Place& place, Trust trust) {
   if (trust == Trust::whole) return c;
   c.capabilities_ = capabilities_of(place.deployment, place.node, trust);
   if (trust == Trust::own && buffers_need_a_privilege()) c.capabilities_ |= bit_of(CAP_NET_ADMIN);
+  if (trust == Trust::own && weight_needs_a_privilege()) c.capabilities_ |= bit_of(CAP_SYS_NICE);
   // Root in the folder of another user works by these.
   if (geteuid() == 0 && place.var.owner().value_or(0) != 0 && place.node.user.empty())
     c.capabilities_ |= bit_of(CAP_DAC_OVERRIDE) | bit_of(CAP_CHOWN) | bit_of(CAP_FOWNER);

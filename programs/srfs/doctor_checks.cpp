@@ -524,12 +524,15 @@ void examine_process(Examination& x, const NodeEntry& node, bool in_slot, const 
       fmt::format("capabilities: {}, gains none, system calls filtered", suite::capability_names(wanted));
   const std::uint64_t more = real.capabilities & ~wanted;
   if (more == 0 && real.no_new_privileges && real.filtered) return x.ok(check, found);
-  constexpr std::uint64_t of_buffers = 1ULL << static_cast<unsigned>(Capability::net_admin);
-  const bool by_buffers = more == of_buffers && real.no_new_privileges && real.filtered;
-  x.add(Verdict::warn, check, found, expected,
-        by_buffers
-            ? "sysctl -w net.core.rmem_max=4194304, then srfs restart"
-            : fmt::format("ls -l {}, then srfs restart", (x.prefix / "bin" / "srfs-starter").string()));
+  const auto bit = [](Capability c) { return 1ULL << static_cast<unsigned>(c); };
+  const bool confined = real.no_new_privileges && real.filtered;
+  std::string fix = fmt::format("ls -l {}", (x.prefix / "bin" / "srfs-starter").string());
+  if (confined && more == bit(Capability::net_admin)) {
+    fix = "sysctl -w net.core.rmem_max=4194304";
+  } else if (confined && (more & ~bit(Capability::net_admin)) == bit(Capability::sys_nice)) {
+    fix = "prlimit --pid $$ --nice=40";
+  }
+  x.add(Verdict::warn, check, found, expected, fix + ", then srfs restart");
 }
 
 }  // namespace
