@@ -31,7 +31,6 @@ class Writer {
   void add(std::uint16_t channel, std::uint32_t sequence, std::uint64_t log_time, std::uint64_t publish_time,
            OctetView data);
   [[nodiscard]] bool chunk_is_full() const { return records_.size() >= chunk_octets; }
-  [[nodiscard]] bool chunk_is_empty() const { return records_.empty(); }
   /// The chunk with what was added since the one before; empty when nothing was.
   [[nodiscard]] Octets end_chunk();
   /// The last chunk, the summary and the end of the file. Nothing may follow.

@@ -151,7 +151,6 @@ class ActionClient {
   [[nodiscard]] std::size_t calls_waiting() const {
     return links_->send_goal.waiting() + links_->get_result.waiting() + links_->cancel.waiting();
   }
-  [[nodiscard]] InputStats feedback_stats() const { return links_->feedback->stats(); }
 
  private:
   friend class ClientGoal<A>;

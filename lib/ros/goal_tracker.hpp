@@ -66,8 +66,6 @@ class GoalTracker {
   [[nodiscard]] GoalState state() const { return state_; }
   [[nodiscard]] bool is_over() const { return phase_ == Phase::over; }
   [[nodiscard]] bool is_accepted() const { return phase_ == Phase::accepted; }
-  /// When the result is due; only while accepted.
-  [[nodiscard]] MonotonicTime result_due() const { return result_due_; }
 
  private:
   enum class Phase : std::uint8_t { sending, accepted, over };

@@ -79,7 +79,6 @@ class Participant {
                                                const Qos& qos, dds::DataReaderListener* listener);
   void destroy(dds::DataWriter* writer);
   void destroy(dds::DataReader* reader);
-  [[nodiscard]] dds::DomainParticipant& dds_participant() { return *participant_; }
 
   /// When the kernel had the sample: what a busy work thread let it wait is not hidden. A step of the system
   /// clock in between costs at most one second of error. @param now not before the reception

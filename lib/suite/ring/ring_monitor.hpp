@@ -204,7 +204,6 @@ class RingMonitor {
   [[nodiscard]] pid_t process_of(std::string_view subject) const;
   /// It answered last in the state it is to be in.
   [[nodiscard]] bool is_as_desired(std::string_view subject) const;
-  [[nodiscard]] bool may_exit() const { return exiting_; }
 
  private:
   struct Subject {

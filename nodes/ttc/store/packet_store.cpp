@@ -253,17 +253,6 @@ void PacketStore::delete_segment(std::uint32_t number) {
   segments_.erase(number);
 }
 
-std::uint64_t PacketStore::delete_until(TaiTime before) {
-  std::uint64_t deleted = 0;
-  while (segments_.size() > 1) {
-    const auto& [number, segment] = *segments_.begin();
-    if (segment.newest && *segment.newest >= before) break;
-    deleted += segment.records;
-    delete_segment(number);
-  }
-  return deleted;
-}
-
 const Octets* PacketStore::content_of(std::uint32_t number) {
   if (cached_number_ != number) {
     const auto content = read_file(path_of(number), 2 * config_.segment_octets + config_.pending_octets);

@@ -102,9 +102,6 @@ class PacketStore {
   [[nodiscard]] RetrievedPackets read(const RetrievalRange& range, RetrievalCursor cursor,
                                       std::size_t limit_octets);
 
-  /// Deletes whole segments whose records are all older than @p before (PUS 15,11). @return records deleted
-  std::uint64_t delete_until(TaiTime before);
-
   [[nodiscard]] bool is_open() const { return opened_; }
   [[nodiscard]] std::uint32_t next_sequence() const { return next_sequence_; }
   [[nodiscard]] PacketStoreStatus status() const;
