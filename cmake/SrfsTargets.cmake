@@ -66,6 +66,7 @@ function(srfs_add_executable name)
     install(TARGETS ${name} RUNTIME DESTINATION ${CMAKE_INSTALL_BINDIR})
     set_property(GLOBAL APPEND PROPERTY SRFS_PROGRAMS ${name})
   endif()
+  srfs_release_tests(${name})
 endfunction()
 
 # add_srfs_node(<folder> [LOGIC <pure sources> [TEST <test sources>]] [ADAPTER <sources>] [DEPS ...]): one node, from one list:
@@ -127,12 +128,14 @@ endif()
 
 set(SRFS_TEST_OPTIONS -O0 -U_FORTIFY_SOURCE)  # FORTIFY needs an optimising compiler
 
-# srfs_add_unit_test(<name> SOURCES ... DEPS ...): GoogleTest without DDS, hardware, clock or sleep. Label: unit.
+# srfs_add_unit_test(<name> [RELEASE] SOURCES ... DEPS ...): GoogleTest without DDS, hardware, clock or sleep. Label: unit.
+# ./run test runs unit tests under ASan and UBSan alone; RELEASE, the second label release: in the release build, too. For tests of which
+# sanitizers leave something out: random cases, vector code, locked memory (tests/unit/build/test_release_tests.py finds most of them).
 function(srfs_add_unit_test name)
   if(NOT SRFS_BUILD_TESTS)
     return()
   endif()
-  cmake_parse_arguments(ARG "" "" "SOURCES;DEPS" ${ARGN})
+  cmake_parse_arguments(ARG "RELEASE" "" "SOURCES;DEPS" ${ARGN})
   add_executable(test_${name} ${ARG_SOURCES})
   target_include_directories(test_${name} PRIVATE ${srfs_SOURCE_DIR}/lib ${srfs_SOURCE_DIR})
   target_compile_definitions(test_${name} PRIVATE SRFS_SOURCE_DIR="${srfs_SOURCE_DIR}" ${SRFS_UNIT_TEST_DEFINITIONS})
@@ -143,6 +146,15 @@ function(srfs_add_unit_test name)
   add_test(NAME unit.${name} COMMAND test_${name})
   set_tests_properties(unit.${name} PROPERTIES LABELS unit TIMEOUT ${SRFS_UNIT_TEST_TIMEOUT})
   set_property(GLOBAL APPEND PROPERTY SRFS_UNIT_TESTS test_${name})
+  if(ARG_RELEASE)
+    set_property(TEST unit.${name} APPEND PROPERTY LABELS release)
+    srfs_release_tests(test_${name})
+  endif()
+endfunction()
+
+# What ./run test needs in the release build besides the programs.
+function(srfs_release_tests)
+  set_property(GLOBAL APPEND PROPERTY SRFS_RELEASE_TESTS ${ARGN})
 endfunction()
 
 # srfs_add_node_test(<name> SOURCES ... DEPS ...): GoogleTest over real DDS or real descriptors, own DDS domain
@@ -165,6 +177,7 @@ function(srfs_add_node_test name)
   set_target_properties(node_test_${name} PROPERTIES RUNTIME_OUTPUT_DIRECTORY ${CMAKE_BINARY_DIR}/tests)
   add_test(NAME node.${name} COMMAND node_test_${name})
   set_tests_properties(node.${name} PROPERTIES LABELS node TIMEOUT 600)
+  srfs_release_tests(node_test_${name})
   # Debian's Fast DDS is not instrumented and has findings of its own.
   if(SRFS_SANITIZE STREQUAL "thread")
     set_tests_properties(node.${name} PROPERTIES ENVIRONMENT "TSAN_OPTIONS=suppressions=${srfs_SOURCE_DIR}/tests/tsan_suppressions.txt")
@@ -205,13 +218,16 @@ function(srfs_add_fuzzer name)
 endfunction()
 
 # srfs_add_group_targets(): called once at the end. `programs`: all that is installed; `unit_tests`: the programs of the label unit;
-# `fuzzers`: those of the label fuzz; `generated`: the headers that a tool needs to read the sources.
+# `release_tests`: what all other tests and those of the label release need; `fuzzers`: those of the label fuzz; `generated`: the
+# headers that a tool needs to read the sources.
 function(srfs_add_group_targets)
   add_custom_target(generated DEPENDS srfs_msgs_generate srfs_mission_generate)
   get_property(programs GLOBAL PROPERTY SRFS_PROGRAMS)
   add_custom_target(programs DEPENDS ${programs})
   get_property(unit_tests GLOBAL PROPERTY SRFS_UNIT_TESTS)
   add_custom_target(unit_tests DEPENDS ${unit_tests})
+  get_property(release_tests GLOBAL PROPERTY SRFS_RELEASE_TESTS)
+  add_custom_target(release_tests DEPENDS programs ${release_tests})
   get_property(fuzzers GLOBAL PROPERTY SRFS_FUZZERS)
   if(fuzzers)
     add_custom_target(fuzzers DEPENDS ${fuzzers})
