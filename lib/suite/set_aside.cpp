@@ -9,11 +9,10 @@
 #include <fmt/format.h>
 #include <unistd.h>
 
-#include "base/crc32c.hpp"
+#include "base/checked_text.hpp"
 #include "base/fd.hpp"
 #include "base/file.hpp"
 #include "base/log.hpp"
-#include "base/text.hpp"
 #include "base/time.hpp"
 #include "suite/boot_store.hpp"
 #include "suite/parameter_store.hpp"
@@ -112,8 +111,7 @@ StartCount next_start(StartCount before, const std::optional<wire::BootRecord>& 
 }
 
 std::string encode(const StartCount& count) {
-  const std::string line = fmt::format("starts1 {} {}", count.starts, count.healthy_boot);
-  return line + fmt::format(" {:08x}\n", crc32c(as_octets(line)));
+  return with_check(fmt::format("starts1 {} {}", count.starts, count.healthy_boot));
 }
 
 std::optional<StartCount> decode_start_count(std::string_view text) {

@@ -6,7 +6,7 @@
 
 #include <fmt/format.h>
 
-#include "nodes/ttc/checked_text.hpp"
+#include "base/checked_text.hpp"
 
 namespace srfs {
 

@@ -7,7 +7,7 @@
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
-#include "nodes/ttc/checked_text.hpp"
+#include "base/checked_text.hpp"
 
 namespace srfs {
 namespace {

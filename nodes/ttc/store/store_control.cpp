@@ -10,8 +10,8 @@
 
 #include <mission/structures.hpp>
 
+#include "base/checked_text.hpp"
 #include "base/saturate.hpp"
-#include "nodes/ttc/checked_text.hpp"
 
 namespace srfs {
 namespace {

@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: 2026 SRFS contributors
 // SPDX-License-Identifier: Apache-2.0
-#include "nodes/ttc/checked_text.hpp"
+#include "base/checked_text.hpp"
 
 #include <fmt/format.h>
 
