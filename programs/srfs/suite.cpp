@@ -25,6 +25,7 @@
 #include "programs/srfs/state_questions.hpp"
 #include "suite/departures.hpp"
 #include "suite/launcher.hpp"
+#include "suite/node_processes.hpp"
 #include "suite/set_aside.hpp"
 
 namespace srfs::tool {
@@ -82,38 +83,14 @@ Fd lock_suite(const Target& target) {
   return folder;
 }
 
-struct NodeProcess {
-  std::string node;
-  Process process;
-};
+using suite::NodeProcess;
 
-/// The words of a process' command line that follow @p option, nothing where it has no such option.
-std::string word_behind(const std::string& command_line, std::string_view option) {
-  const std::string key = '\0' + std::string(option) + '\0';
-  const auto at = command_line.find(key);
-  if (at == std::string::npos) return "";
-  return command_line.substr(at + key.size(), command_line.find('\0', at + key.size()) - at - key.size());
-}
-
-bool same_folder(const std::filesystem::path& a, const std::filesystem::path& b) {
-  return (a / "").lexically_normal() == (b / "").lexically_normal();
-}
-
-/// Every process that runs as a node of this suite, the last of the list first; by its command line, so that
-/// one that holds no lock yet, or is not known to anybody, is found, too.
+/// Every process that runs as a node of this suite, the last of the list first, whether it holds its lock or
+/// not.
 std::vector<NodeProcess> processes_of(const Target& target) {
-  constexpr std::size_t longest = 65536;
   std::map<std::string, std::vector<Process>> found;
-  std::error_code ec;
-  for (std::filesystem::directory_iterator entry("/proc", ec);
-       !ec && entry != std::filesystem::directory_iterator(); entry.increment(ec)) {
-    const pid_t pid = std::atoi(entry->path().filename().c_str());
-    if (pid <= 0 || pid == getpid()) continue;
-    auto process = Process::open(pid);
-    const auto line = read_file(entry->path() / "cmdline", longest);
-    if (!process || !line || !same_folder(word_behind(*line, "--var"), target.var.root)) continue;
-    found[word_behind(*line, "--name")].push_back(std::move(*process));
-  }
+  for (NodeProcess& one : suite::node_processes(target.var.root))
+    found[one.node].push_back(std::move(one.process));
   std::vector<NodeProcess> running;
   for (auto node = target.deployment.nodes.rbegin(); node != target.deployment.nodes.rend(); ++node) {
     auto& of_node = found[node->name];
