@@ -4,6 +4,7 @@
 
 #include <mission/structures.hpp>
 
+#include "nodes/ttc/command/packet_refusal.hpp"
 #include "nodes/ttc/services/connection_tester.hpp"
 
 namespace srfs {
@@ -12,20 +13,6 @@ namespace {
 constexpr std::uint8_t function_service = 8;
 constexpr std::uint8_t perform_function = 1;
 constexpr std::ptrdiff_t function_id_octets = 2;
-
-Refusal refusal_of(wire::TcPacketError error) {
-  switch (error) {
-    case wire::TcPacketError::bad_checksum:
-      return {.code = mission::failure::bad_checksum};
-    case wire::TcPacketError::idle_packet:
-      return {.code = mission::failure::unknown_apid, .stage = Stage::routing};
-    case wire::TcPacketError::bad_pus_version:
-    case wire::TcPacketError::no_secondary_header:
-      return {.code = mission::failure::unknown_service};
-    default:
-      return {.code = mission::failure::bad_length};
-  }
-}
 
 }  // namespace
 
@@ -36,7 +23,7 @@ JudgedTelecommand TelecommandParser::parse(OctetView packet) const {
   auto parsed = wire::parse_tc_packet(packet);
   if (!parsed) {
     origin.request = wire::peek_request_id(packet).value_or(wire::RequestId{});
-    judged.refusal = refusal_of(parsed.error());
+    judged.refusal = packet_refusal(parsed.error());
     return judged;
   }
   origin.request = wire::request_id(*parsed);
