@@ -3,6 +3,7 @@
 #pragma once
 
 #include <filesystem>
+#include <functional>
 #include <optional>
 #include <string>
 
@@ -15,7 +16,8 @@ namespace srfs::rescue {
 
 /// The state of the uplink (counters of SDLS, FARM-1) where ttc has it, in the journal of telecommands and in
 /// link_state, read and written with ttc's own code: what one has taken, the other takes never again.
-/// Telecommands and schedule that stand in the journal are carried along untouched. Blocks on the disk.
+/// Telecommands and schedule that stand in the journal are carried along untouched. One object at a time in
+/// the whole suite: what one has open another one must not move. Blocks on the disk.
 class LinkStore {
  public:
   /// @param folder  VAR/state/ttc
@@ -25,17 +27,29 @@ class LinkStore {
   [[nodiscard]] LinkState load(MonotonicTime now);
   /// Returns when @p link is on the medium, in one of both places at least. @return false: in neither
   [[nodiscard]] bool store(const LinkState& link);
-  /// Copies the newest state into link_state, so that the journal can go. @return what went wrong
-  [[nodiscard]] std::string carry_counters_over();
+
+  /// Takes the journal away: first the newest state goes into both copies of link_state, then @p move gets
+  /// the path of each file, and the journal begins anew. May be cut off anywhere: no counter goes back, and
+  /// of the journal the newest part is left at last, so that nothing that ended in it begins again.
+  /// @param move  @return what went wrong; empty: nothing, or there is no such file
+  /// @return what went wrong
+  [[nodiscard]] std::string set_journal_aside(
+      const std::function<std::string(const std::filesystem::path&)>& move);
 
  private:
+  struct Journal {
+    Journal(const std::filesystem::path& file, const std::string& boot_id);
+    JournalFile file;
+    JournalLog log;
+    AcceptanceJournal content;
+  };
   [[nodiscard]] bool write_journal(const LinkState& link);
+  [[nodiscard]] std::string copy_into_both(LinkState link);
+  [[nodiscard]] std::filesystem::path segment(unsigned number) const;
 
   std::filesystem::path folder_;
-  JournalFile journal_file_;
-  JournalLog journal_log_;
+  std::optional<Journal> journal_;
   LinkStateFile link_file_;
-  AcceptanceJournal journal_;
 };
 
 }  // namespace srfs::rescue

@@ -15,13 +15,16 @@
 
 #include "base/fd.hpp"
 #include "base/file.hpp"
+#include "suite/node_processes.hpp"
 
 namespace srfs::rescue {
 namespace {
 
-constexpr milliseconds between_looks{50};
-constexpr int most_looks = 60;
+constexpr milliseconds between_looks{20};
+constexpr int most_looks = 150;
 constexpr std::size_t most_locks = 256;
+/// A process between fork and exec has the command line of its starter.
+constexpr int looks_to_be_sure = 2;
 constexpr int highest_good_exit_code = 1;
 
 void pause_for(milliseconds time) {
@@ -55,14 +58,19 @@ bool suite_runs(const std::filesystem::path& var) {
 }
 
 bool end_suite(const std::filesystem::path& var) {
-  for (int look = 0; look < most_looks; ++look) {
-    const auto pids = holders(var);
-    if (pids.empty()) return true;
-    if (look == 0) (void)write_file_atomically(var / "run" / "stopping", "");
-    for (const pid_t pid : pids) kill(pid, SIGKILL);
-    pause_for(between_looks);
+  // First, so that no starter makes another one.
+  std::error_code ec;
+  if (std::filesystem::exists(var / "run", ec)) (void)write_file_atomically(var / "run" / "stopping", "");
+  int empty_looks = 0;
+  for (int look = 0; look < most_looks && empty_looks < looks_to_be_sure; ++look) {
+    if (look > 0) pause_for(between_looks);
+    const auto nodes = suite::node_processes(var);
+    const auto owners = holders(var);
+    empty_looks = nodes.empty() && owners.empty() ? empty_looks + 1 : 0;
+    for (const auto& node : nodes) (void)node.process.signal(SIGKILL);
+    for (const pid_t owner : owners) kill(owner, SIGKILL);
   }
-  return !suite_runs(var);
+  return empty_looks == looks_to_be_sure;
 }
 
 std::string run_program(const std::vector<std::string>& command, nanoseconds limit,

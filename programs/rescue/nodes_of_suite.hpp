@@ -13,8 +13,9 @@ namespace srfs::rescue {
 
 /// Whether any process holds an instance lock of VAR/run: a node runs.
 [[nodiscard]] bool suite_runs(const std::filesystem::path& var);
-/// Sets the stopping flag, so that nothing revives a node, and kills (SIGKILL) the holders of the instance
-/// locks. Blocks for three seconds at most. @return whether none is left
+/// Sets the stopping flag, so that nothing revives a node, and kills (SIGKILL) the nodes: the holders of the
+/// instance locks, and those that are still being loaded. Blocks for three seconds at most. @return whether
+/// none is left
 bool end_suite(const std::filesystem::path& var);
 
 /// Runs a program that has this process' standard output. Blocks until it ends, @p limit at most; then it is

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <array>
+#include <functional>
 #include <set>
 
 #include <fcntl.h>
@@ -39,6 +40,33 @@ const std::set<std::string, std::less<>> may_leave{"log",      "state",     "sto
                                                    "versions", "set_aside", "images", "run"};
 constexpr std::array operators_files{"parameters.yaml", "hold", "desired_state"};
 
+/// Folders of VAR into which a file may be restored; in state not in the place of what stays.
+const std::set<std::string, std::less<>> may_come{"log", "store", "files", "versions", "images"};
+/// Folders of the installation.
+const std::set<std::string, std::less<>> of_installation{"bin", "lib", "share"};
+
+/// Links followed as far as there is something.
+fs::path real(const fs::path& path) {
+  std::error_code ec;
+  const fs::path found = fs::weakly_canonical(path, ec);
+  return ec ? path.lexically_normal() : found;
+}
+
+/// The rest of @p path below a folder; nullopt: it is not below it.
+std::optional<fs::path> below(const fs::path& path, const fs::path& folder) {
+  const fs::path relative = path.lexically_relative(folder);
+  if (relative.empty() || relative == "." || *relative.begin() == "..") return std::nullopt;
+  return relative;
+}
+
+/// MiB; nullopt: the disk does not tell.
+std::optional<std::uint32_t> free_of(const fs::path& folder) {
+  struct statvfs info {};
+  if (statvfs(folder.c_str(), &info) != 0) return std::nullopt;
+  return static_cast<std::uint32_t>(
+      std::min<std::uint64_t>(info.f_bavail * info.f_frsize >> 20U, UINT32_MAX));
+}
+
 FilesFailure disk_failure(std::string text) {
   return {failure::disk_failed, std::move(text)};
 }
@@ -60,14 +88,15 @@ Result<void, std::string> sync_folder(const fs::path& folder) {
   return {};
 }
 
-/// The state of the nodes that a reset of it never touches: counters, keys, numbers that go up.
-bool is_counter(const fs::path& below_state) {
+/// The state of the nodes that a reset of it never touches: counters, keys, numbers that go up, the silence
+/// of the transmitter, the fault ledger.
+bool stays(const fs::path& below_state) {
   static const std::set<std::string> of_ttc{"telecommands.0", "telecommands.1", "link_state",
                                             "counters_lost",  "frame_counts",   "command_loss",
-                                            "key_selection"};
+                                            "key_selection",  "transmitter"};
   const auto node = below_state.begin()->string();
   const auto name = below_state.filename().string();
-  if (node == "boot" || name.starts_with("incarnation")) return true;
+  if (node == "boot" || node == "ring" || name.starts_with("incarnation")) return true;
   if (node != "ttc") return false;
   return of_ttc.contains(name) || name.starts_with("key_selection");
 }
@@ -163,8 +192,10 @@ FilesResult<bool> RecoveryFiles::move_aside(const fs::path& relative, std::uint3
   return true;
 }
 
-FilesResult<std::uint32_t> RecoveryFiles::set_aside(RescuePart part, std::uint32_t number) const {
+FilesResult<std::uint32_t> RecoveryFiles::set_aside(RescuePart part, std::uint32_t number,
+                                                    LinkStore& link) const {
   std::vector<fs::path> wanted;
+  std::uint32_t moved = 0;
   const auto add_state = [&](const auto& wants) {
     for (const std::string& node : names_in(var_ / "state")) {
       for (const std::string& name : names_in(var_ / "state" / node)) {
@@ -186,22 +217,51 @@ FilesResult<std::uint32_t> RecoveryFiles::set_aside(RescuePart part, std::uint32
       wanted.emplace_back("store");
       break;
     case RescuePart::state:
-      add_state([](const fs::path& path) { return !is_counter(path); });
+      add_state([](const fs::path& path) { return !stays(path); });
       break;
-    case RescuePart::schedule:
-      // The counters first: with or without the journal, no frame is taken twice.
-      if (const auto carried = LinkStore(var_ / "state" / "ttc").carry_counters_over(); !carried.empty())
-        return Err(disk_failure(carried));
-      wanted = {"state/ttc/telecommands.0", "state/ttc/telecommands.1"};
+    case RescuePart::schedule: {
+      const auto problem = link.set_journal_aside([&](const fs::path& segment) {
+        const auto done = move_aside(segment.lexically_relative(var_), number);
+        moved += done && *done ? 1 : 0;
+        return done ? std::string() : done.error().text;
+      });
+      if (!problem.empty()) return Err(disk_failure(problem));
       break;
+    }
   }
-  std::uint32_t moved = 0;
   for (const fs::path& path : wanted) {
     const auto done = move_aside(path, number);
     if (!done) return Err(done.error());
     moved += *done ? 1 : 0;
   }
   return moved;
+}
+
+std::uint32_t RecoveryFiles::drop_oldest() const {
+  std::vector<std::uint32_t> numbers;
+  for (const std::string& name : names_in(var_ / "set_aside")) {
+    if (const auto number = to_number<std::uint32_t>(name)) numbers.push_back(*number);
+  }
+  std::sort(numbers.begin(), numbers.end(), std::greater());
+  std::uint32_t dropped = 0;
+  const auto is_full = [this] {
+    const auto free = free_of(var_);
+    return free && *free < free_floor_mib;
+  };
+  while (numbers.size() > 1 && (numbers.size() >= most_set_aside || is_full())) {
+    const fs::path oldest = var_ / "set_aside" / std::to_string(numbers.back());
+    numbers.pop_back();
+    std::error_code ec;
+    fs::remove_all(oldest, ec);
+    if (ec) {
+      log::error("{}: cannot be deleted: {}", oldest.string(), ec.message());
+      continue;
+    }
+    log::warn("{} was deleted: {} folders are kept, and {} MiB of the disk free", oldest.string(),
+              most_set_aside, free_floor_mib);
+    ++dropped;
+  }
+  return dropped;
 }
 
 std::string RecoveryFiles::use_last_good_versions() const {
@@ -217,13 +277,13 @@ std::string RecoveryFiles::use_last_good_versions() const {
   return problems;
 }
 
-std::string RecoveryFiles::take_measures(suite::BootStep step, std::uint32_t number) const {
+std::string RecoveryFiles::take_measures(suite::BootStep step, std::uint32_t number, LinkStore& link) const {
   if (step == suite::BootStep::last_good) return use_last_good_versions();
   if (step != suite::BootStep::golden) return "";
   std::string problems;
   for (const RescuePart part : {RescuePart::versions, RescuePart::parameters, RescuePart::schedule,
                                 RescuePart::stores, RescuePart::state}) {
-    if (const auto done = set_aside(part, number); !done) problems += done.error().text + "; ";
+    if (const auto done = set_aside(part, number, link); !done) problems += done.error().text + "; ";
   }
   const auto mended = mend(Mend::damage);
   if (!mended) return problems + mended.error().text;
@@ -260,6 +320,33 @@ FilesResult<MendCount> RecoveryFiles::mend(Mend what) const {
 
 // ---------------------------------------------------------------- files of the ground
 
+bool RecoveryFiles::is_key(const fs::path& path) const {
+  return std::any_of(settings_.associations.begin(), settings_.associations.end(), [&](const auto& a) {
+    std::error_code ec;
+    return path == a.key_file || path == real(a.key_file) || fs::equivalent(path, a.key_file, ec);
+  });
+}
+
+bool RecoveryFiles::may_be_restored(const fs::path& path) const {
+  if (is_key(path)) return false;
+  if (const auto relative = below(path, real(var_))) {
+    const auto folder = relative->begin()->string();
+    if (std::distance(relative->begin(), relative->end()) < 2) return false;
+    // Never backwards: a replaced counter would let old telecommands in.
+    if (folder == "state") return !stays(relative->lexically_relative("state"));
+    return may_come.contains(folder);
+  }
+  const fs::path beside = real(deployment_).parent_path();
+  if (path == real(deployment_) || (path.parent_path() == beside && path.extension() == ".yaml")) return true;
+  // A folder that others share (/usr) is not the suite's: there a golden copy must tell.
+  static const std::set<fs::path> shared{"/", "/usr", "/usr/local"};
+  const fs::path prefix = real(prefix_);
+  const auto relative = shared.contains(prefix) ? std::nullopt : below(path, prefix);
+  if (relative && of_installation.contains(relative->begin()->string())) return true;
+  const auto manifest = read_manifest(var_ / "golden");
+  return manifest && manifest->find(path.string()) != nullptr;
+}
+
 FilesResult<fs::path> RecoveryFiles::target_path(const std::string& target) const {
   const fs::path path(target);
   const bool plain = std::none_of(path.begin(), path.end(), [](const fs::path& part) {
@@ -267,20 +354,10 @@ FilesResult<fs::path> RecoveryFiles::target_path(const std::string& target) cons
   });
   const FilesFailure refused{failure::not_restorable, target + ": not a file of the suite"};
   if (!plain || path.empty() || path.filename().empty()) return Err(refused);
-  if (path.is_relative()) {
-    const auto first = path.begin()->string();
-    // Never backwards: a replaced counter would let old telecommands in.
-    const bool counter = first == "state" && std::distance(path.begin(), path.end()) > 2 &&
-                         is_counter(path.lexically_relative("state"));
-    if (first == "keys" || first == "set_aside" || counter) return Err(refused);
-    return var_ / path;
-  }
-  const auto below = [&](const fs::path& folder) {
-    const auto relative = path.lexically_relative(folder);
-    return !relative.empty() && *relative.begin() != ".." && relative != ".";
-  };
-  if (path == deployment_ || below(deployment_.parent_path()) || below(prefix_)) return path;
-  return Err(refused);
+  // Where it really is: no link leads out of the places that a restore is for.
+  const fs::path whole = path.is_relative() ? var_ / path : path;
+  const fs::path found = real(whole.parent_path()) / whole.filename();
+  return may_be_restored(found) ? FilesResult<fs::path>(found) : Err(refused);
 }
 
 FilesResult<void> RecoveryFiles::restore(const std::string& file, const std::string& target,
@@ -357,10 +434,7 @@ FilesResult<std::vector<Octets>> RecoveryFiles::list(const std::string& folder) 
 }
 
 std::uint32_t RecoveryFiles::free_mib() const {
-  struct statvfs info {};
-  if (statvfs(var_.c_str(), &info) != 0) return 0;
-  return static_cast<std::uint32_t>(
-      std::min<std::uint64_t>(info.f_bavail * info.f_frsize >> 20U, UINT32_MAX));
+  return free_of(var_).value_or(0);
 }
 
 }  // namespace srfs::rescue

@@ -11,6 +11,7 @@
 
 #include "base/octets.hpp"
 #include "base/result.hpp"
+#include "programs/rescue/link_store.hpp"
 #include "suite/rescue_settings.hpp"
 #include "suite/step_down.hpp"
 
@@ -35,26 +36,34 @@ enum class Mend : std::uint8_t {
   everything,  ///< whatever differs, by command
 };
 
-/// What is done to the files of a suite that is down. Nothing is deleted: what goes out of the way is renamed
-/// into VAR/set_aside/NUMBER, under its path below VAR. Each call may be cut off anywhere and made again.
-/// What is on the disk is not trusted: any file may hold any octets, be missing, or be a folder. Blocks on
-/// the disk.
+/// What is done to the files of a suite that is down. What goes out of the way is renamed into
+/// VAR/set_aside/NUMBER, under its path below VAR; of these folders the oldest are deleted (drop_oldest), and
+/// nothing else is. Each call may be cut off anywhere and made again. What is on the disk is not trusted: any
+/// file may hold any octets, be missing, or be a folder. Blocks on the disk.
 class RecoveryFiles {
  public:
   explicit RecoveryFiles(const suite::RescueSettings& settings)
-      : var_(settings.var),
+      : settings_(settings),
+        var_(settings.var),
         prefix_(std::filesystem::path(settings.program).parent_path().parent_path()),
         deployment_(settings.deployment) {}
 
   /// @param number  of the folder that takes what is set aside; made when something is.
+  /// @param link    the one of this process: the journal has the counters of the uplink
   /// @return how many files and folders went there
-  [[nodiscard]] FilesResult<std::uint32_t> set_aside(mission::RescuePart part, std::uint32_t number) const;
+  [[nodiscard]] FilesResult<std::uint32_t> set_aside(mission::RescuePart part, std::uint32_t number,
+                                                     LinkStore& link) const;
   /// What a step asks for before the suite starts. Does what it can. @return what could not be done; empty:
   /// nothing
-  [[nodiscard]] std::string take_measures(suite::BootStep step, std::uint32_t number) const;
+  [[nodiscard]] std::string take_measures(suite::BootStep step, std::uint32_t number, LinkStore& link) const;
+  /// Makes room in VAR/set_aside for one more folder: the oldest go until fewer than most_set_aside are left
+  /// and the disk has free_floor_mib. The newest one is never deleted. Logged. @return how many went
+  std::uint32_t drop_oldest() const;
   /// Compares the files of the suite with their golden copies (VAR/golden).
   [[nodiscard]] FilesResult<MendCount> mend(Mend what) const;
-  /// @param file    below VAR/files. @param target  relative: below VAR; absolute: of the installation
+  /// @param file    below VAR/files. @param target  relative: below VAR, where the suite keeps files of its
+  /// own; absolute: of the installation, a text beside the deployment, or one with a golden copy. Keys and
+  /// counters are in none of these places.
   [[nodiscard]] FilesResult<void> restore(const std::string& file, const std::string& target,
                                           std::uint32_t number) const;
   /// @return its name in VAR/files/outbox
@@ -65,13 +74,19 @@ class RecoveryFiles {
 
   static constexpr std::size_t most_listed = 64;
   static constexpr std::uint64_t largest_fetched = 64U << 20;
+  static constexpr std::size_t most_set_aside = 8;  ///< folders
+  static constexpr std::uint32_t free_floor_mib = 64;
 
  private:
   [[nodiscard]] FilesResult<bool> move_aside(const std::filesystem::path& relative,
                                              std::uint32_t number) const;
   [[nodiscard]] std::string use_last_good_versions() const;
   [[nodiscard]] FilesResult<std::filesystem::path> target_path(const std::string& target) const;
+  /// @param path  real, absolute
+  [[nodiscard]] bool may_be_restored(const std::filesystem::path& path) const;
+  [[nodiscard]] bool is_key(const std::filesystem::path& path) const;
 
+  const suite::RescueSettings& settings_;
   std::filesystem::path var_;
   std::filesystem::path prefix_;  ///< of the installation
   std::filesystem::path deployment_;

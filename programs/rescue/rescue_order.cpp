@@ -4,6 +4,7 @@
 
 #include <array>
 
+#include "nodes/ttc/command/packet_refusal.hpp"
 #include "nodes/ttc/files/file_service.hpp"
 #include "wire/pus.hpp"
 
@@ -13,20 +14,6 @@ namespace {
 constexpr std::uint8_t function_service = 8;
 constexpr std::uint8_t perform_function = 1;
 constexpr std::uint16_t own_apid = mission::TtcSelectKeys::apid;
-
-Refusal refusal_of(wire::TcPacketError error) {
-  switch (error) {
-    case wire::TcPacketError::bad_checksum:
-      return {.code = mission::failure::bad_checksum};
-    case wire::TcPacketError::idle_packet:
-      return {.code = mission::failure::unknown_apid, .stage = Stage::routing};
-    case wire::TcPacketError::bad_pus_version:
-    case wire::TcPacketError::no_secondary_header:
-      return {.code = mission::failure::unknown_service};
-    default:
-      return {.code = mission::failure::bad_length};
-  }
-}
 
 Refusal refusal_of(const mission::ArgumentError& error) {
   if (error.parameter == 0) return {.code = mission::failure::bad_arguments_length};
@@ -51,11 +38,11 @@ constexpr Function function() {
 }
 
 constexpr std::array functions{
-    function<mission::TtcSelectKeys>(),    function<mission::RescueReport>(),
-    function<mission::RescueStartSuite>(), function<mission::RescueReboot>(),
-    function<mission::RescueReset>(),      function<mission::RescueMend>(),
-    function<mission::RescueRestore>(),    function<mission::RescueFetch>(),
-    function<mission::RescueList>(),
+    function<mission::TtcSelectKeys>(), function<mission::TtcTransmitterOn>(),
+    function<mission::RescueReport>(),  function<mission::RescueStartSuite>(),
+    function<mission::RescueReboot>(),  function<mission::RescueReset>(),
+    function<mission::RescueMend>(),    function<mission::RescueRestore>(),
+    function<mission::RescueFetch>(),   function<mission::RescueList>(),
 };
 
 Decoded decode_function(const wire::TcPacket& packet) {
@@ -103,7 +90,7 @@ JudgedOrder judge(OctetView octets) {
   const auto packet = wire::parse_tc_packet(octets);
   if (!packet) {
     judged.origin.request = wire::peek_request_id(octets).value_or(wire::RequestId{});
-    judged.refusal = refusal_of(packet.error());
+    judged.refusal = packet_refusal(packet.error());
     return judged;
   }
   judged.origin.request = wire::request_id(*packet);

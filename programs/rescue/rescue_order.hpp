@@ -24,9 +24,9 @@ using OneShot = std::vector<mission::HousekeepingOneShot>;
 
 /// What a telecommand asks of srfs_rescue.
 using Order =
-    std::variant<Ping, OneShot, mission::TtcSelectKeys, mission::RescueReport, mission::RescueStartSuite,
-                 mission::RescueReboot, mission::RescueReset, mission::RescueMend, mission::RescueRestore,
-                 mission::RescueFetch, mission::RescueList, FileOrder>;
+    std::variant<Ping, OneShot, mission::TtcSelectKeys, mission::TtcTransmitterOn, mission::RescueReport,
+                 mission::RescueStartSuite, mission::RescueReboot, mission::RescueReset, mission::RescueMend,
+                 mission::RescueRestore, mission::RescueFetch, mission::RescueList, FileOrder>;
 
 struct JudgedOrder {
   TelecommandOrigin origin = {};
@@ -34,8 +34,8 @@ struct JudgedOrder {
   Order order = Ping{};
 };
 
-/// Reads a packet of the uplink. srfs_rescue stands for ttc: it knows its ping, 3,27, its keys, PUS 23 and
-/// rescue.*. Every other telecommand of the dictionary is refused. Pure.
+/// Reads a packet of the uplink. srfs_rescue stands for ttc: it knows its ping, 3,27, its keys, its
+/// transmitter, PUS 23 and rescue.*. Every other telecommand of the dictionary is refused. Pure.
 [[nodiscard]] JudgedOrder judge(OctetView packet);
 
 }  // namespace srfs::rescue

@@ -11,6 +11,7 @@
 
 #include "base/file.hpp"
 #include "base/log.hpp"
+#include "base/process.hpp"
 #include "base/text.hpp"
 #include "hw/open.hpp"
 
@@ -24,7 +25,6 @@ constexpr std::uint8_t pong = 2;  // of service 17
 constexpr seconds beacon_period{30};
 constexpr milliseconds longest_sleep{250};
 constexpr milliseconds line_full_sleep{2};
-constexpr seconds between_flags{1};
 constexpr seconds last_words{3};  // for the report of an order that ends this
 constexpr std::uint64_t cfdp_ground = 1;
 constexpr std::uint64_t cfdp_spacecraft = 2;
@@ -101,6 +101,16 @@ DownlinkConfig downlink_of(const suite::RescueSettings& settings, const FrameCou
   return config;
 }
 
+/// Where ttc has it.
+std::filesystem::path transmitter_file(const suite::RescueSettings& settings) {
+  return std::filesystem::path(settings.var) / "state/ttc/transmitter";
+}
+
+TransmitterSwitch read_transmitter(const suite::RescueSettings& settings, MonotonicTime now) {
+  const auto stored = read_file(transmitter_file(settings), 256);
+  return {kernel_boot_id().value_or("unknown"), stored.value_or(""), now};
+}
+
 std::uint32_t whole_seconds(nanoseconds time) {
   return static_cast<std::uint32_t>(std::clamp<std::int64_t>(time / seconds(1), 0, UINT32_MAX - 1));
 }
@@ -139,6 +149,7 @@ Rescuer::Rescuer(const suite::RescueSettings& settings, suite::StepRecord step, 
       files_(settings),
       link_store_(std::filesystem::path(settings.var) / "state" / "ttc"),
       uplink_(uplink_of(settings), link_store_.load(now)),
+      transmitter_(read_transmitter(settings, now)),
       frame_count_file_(std::filesystem::path(settings.var) / "state/ttc/frame_counts"),
       downlink_(downlink_of(settings, frame_count_file_)),
       clock_(system_utc_now(), now),
@@ -147,7 +158,12 @@ Rescuer::Rescuer(const suite::RescueSettings& settings, suite::StepRecord step, 
       begun_(now),
       contact_(now),
       beacon_at_(now),
-      feed_at_(now) {}
+      feed_at_(now) {
+  if (transmitter_.may_transmit(now)) return;
+  log::warn("the transmitter stays off for {} s", whole_seconds(transmitter_.rest(now)));
+  // A silence that begins anew with this boot must not do so with the next.
+  (void)store_transmitter();
+}
 
 // ---------------------------------------------------------------- the loop
 
@@ -156,16 +172,35 @@ RescueEnd Rescuer::serve() {
     const MonotonicTime now = monotonic_now();
     feed(now);
     read_line(now);
-    if (now >= beacon_at_) send_step(now);
+    turn_transmitter(now);
+    if (now >= beacon_at_ && transmitter_.may_transmit(now)) send_step(now);
     turn_files(now);
     go_on_with_file_order(now);
     pump(now);
-    if (!end_ && now - contact_ >= settings_.steps.no_contact) return {};
-    const bool said =
-        downlink_.empty(DownlinkChannel::live) && outgoing_.empty() && devices_.line->output_pending() == 0;
-    if (end_ && (said || now >= end_by_)) return *end_;
+    if (!end_ && now - contact_ >= settings_.steps.no_contact) return finish({});
+    const bool said = outgoing_.empty() && devices_.line->output_pending() == 0 &&
+                      (downlink_.empty(DownlinkChannel::live) || !transmitter_.may_transmit(now));
+    if (end_ && (said || now >= end_by_)) return finish(*end_);
     wait(now);
   }
+}
+
+RescueEnd Rescuer::finish(RescueEnd end) {
+  uplink_.keep_flags();  // what was acknowledged since the last frame
+  store_link(uplink_.state());
+  return end;
+}
+
+void Rescuer::turn_transmitter(MonotonicTime now) {
+  if (!transmitter_.take_end(now)) return;
+  log::info("the transmitter is on again: the time is over");
+  (void)store_transmitter();
+}
+
+bool Rescuer::store_transmitter() const {
+  const auto written = write_file_atomically(transmitter_file(settings_), transmitter_.stored_text());
+  if (!written) log::error("the state of the transmitter is not durable: {}", written.error().message);
+  return written.has_value();
 }
 
 void Rescuer::feed(MonotonicTime now) {
@@ -175,12 +210,16 @@ void Rescuer::feed(MonotonicTime now) {
 }
 
 void Rescuer::wait(MonotonicTime now) {
-  MonotonicTime until = std::min(now + longest_sleep, beacon_at_);
+  MonotonicTime until = now + longest_sleep;
   const auto sooner = [&until](const std::optional<MonotonicTime>& at) {
     if (at) until = std::min(until, *at);
   };
   sooner(uplink_.idle_deadline());
-  if (outgoing_.empty()) sooner(downlink_.next_due(now));
+  sooner(transmitter_.next_due(now));
+  if (transmitter_.may_transmit(now)) {
+    sooner(beacon_at_);
+    if (outgoing_.empty()) sooner(downlink_.next_due(now));
+  }
   sooner(exchange_.next_due(downlink_.room_octets(DownlinkChannel::files)));
   if (!outgoing_.empty()) until = std::min(until, now + line_full_sleep);
   if (file_request_) until = now;
@@ -192,6 +231,7 @@ void Rescuer::wait(MonotonicTime now) {
 void Rescuer::read_line(MonotonicTime now) {
   std::array<std::uint8_t, 4096> octets{};
   bool empty = false;
+  const std::uint64_t cltus = uplink_.cltu_counters().cltus_decoded;
   // Bounded, so that a line that is never silent lets the rest have its turn.
   for (int part = 0; part < 16 && !empty; ++part) {
     const auto got = devices_.line->read(octets);
@@ -200,23 +240,18 @@ void Rescuer::read_line(MonotonicTime now) {
   }
   if (const auto deadline = uplink_.idle_deadline(); empty && deadline && now >= *deadline)
     take(uplink_.on_idle(now), now);
+  // Also for a control command, and for a frame that FARM-1 discarded: COP-1 on the ground waits for it.
+  if (uplink_.cltu_counters().cltus_decoded != cltus) downlink_.want_control_word(now);
 }
 
 void Rescuer::take(std::vector<UplinkedPacket> packets, MonotonicTime now) {
-  if (packets.empty()) {
-    // Flags of FARM-1 and control commands change the state, too.
-    const bool changed = uplink_.state().generation != uplink_.stored_state().generation;
-    // They need no key: no more than one write a second for whoever sends them.
-    if (changed && now >= flags_at_) {
-      flags_at_ = now + between_flags;
-      store_link(uplink_.state());
-      downlink_.want_control_word(now);
-    }
-  }
+  // A secured control command, or a frame whose packet is none, has a generation of its own; what needs no
+  // key has none.
+  if (packets.empty() && uplink_.state().generation != uplink_.stored_state().generation)
+    store_link(uplink_.state());
   for (UplinkedPacket& packet : packets) {
     // Before anything is done: a frame is never taken twice, whoever is on the line then.
     store_link(packet.link);
-    downlink_.want_control_word(now);
     contact_ = now;
     if (cfdp::is_pdu_packet(packet.packet)) {
       exchange_.on_packet(packet.packet);
@@ -249,6 +284,7 @@ void Rescuer::pump(MonotonicTime now) {
       }
       if (!outgoing_.empty()) return;
     }
+    if (!transmitter_.may_transmit(now)) break;
     auto cadu = downlink_.next(now, [this] { return uplink_.next_clcw(); });
     if (!cadu) break;
     outgoing_ = std::move(*cadu);
@@ -391,6 +427,7 @@ void Rescuer::failed(const TelecommandOrigin& origin, const FilesFailure& failur
 }
 
 std::uint32_t Rescuer::next_set_aside() {
+  (void)files_.drop_oldest();
   ++step_.set_aside;
   const auto problem = suite::StepStore(std::filesystem::path(settings_.var) / "state/boot")
                            .change([this](suite::StepRecord r) {
@@ -437,6 +474,15 @@ void Rescuer::execute(const TelecommandOrigin& origin, const mission::TtcSelectK
   done(origin, now);
 }
 
+void Rescuer::execute(const TelecommandOrigin& origin, const mission::TtcTransmitterOn& /*order*/,
+                      MonotonicTime now) {
+  transmitter_.switch_on();
+  if (!store_transmitter())
+    return failed(origin, {mission::failure::storage_unavailable, "a restart goes on with the silence"}, now);
+  log::info("the transmitter is on: commanded");
+  done(origin, now);
+}
+
 void Rescuer::execute(const TelecommandOrigin& origin, const mission::RescueReport& /*order*/,
                       MonotonicTime now) {
   send_step(now);
@@ -460,7 +506,7 @@ void Rescuer::execute(const TelecommandOrigin& origin, const mission::RescueRebo
 }
 
 void Rescuer::execute(const TelecommandOrigin& origin, const mission::RescueReset& order, MonotonicTime now) {
-  const auto moved = files_.set_aside(order.part, next_set_aside());
+  const auto moved = files_.set_aside(order.part, next_set_aside(), link_store_);
   if (!moved) return failed(origin, moved.error(), now);
   log::warn("{}: {} files and folders set aside", mission::to_text(order.part), *moved);
   done(origin, now);

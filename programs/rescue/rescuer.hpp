@@ -18,6 +18,7 @@
 #include "nodes/ttc/link/frame_count_file.hpp"
 #include "nodes/ttc/link/key_selection.hpp"
 #include "nodes/ttc/link/packet_maker.hpp"
+#include "nodes/ttc/link/transmitter_switch.hpp"
 #include "nodes/ttc/link/uplink_chain.hpp"
 #include "programs/rescue/link_store.hpp"
 #include "programs/rescue/recovery_files.hpp"
@@ -56,6 +57,10 @@ class Rescuer {
   void store_link(const LinkState& link);
   void pump(MonotonicTime now);
   void wait(MonotonicTime now);
+  /// Before the end: everything acknowledged is on the disk.
+  [[nodiscard]] RescueEnd finish(RescueEnd end);
+  void turn_transmitter(MonotonicTime now);
+  [[nodiscard]] bool store_transmitter() const;
   void feed(MonotonicTime now);
   void turn_files(MonotonicTime now);
   void go_on_with_file_order(MonotonicTime now);
@@ -74,6 +79,7 @@ class Rescuer {
   void execute(const TelecommandOrigin& origin, const Ping& order, MonotonicTime now);
   void execute(const TelecommandOrigin& origin, const OneShot& order, MonotonicTime now);
   void execute(const TelecommandOrigin& origin, const mission::TtcSelectKeys& order, MonotonicTime now);
+  void execute(const TelecommandOrigin& origin, const mission::TtcTransmitterOn& order, MonotonicTime now);
   void execute(const TelecommandOrigin& origin, const mission::RescueReport& order, MonotonicTime now);
   void execute(const TelecommandOrigin& origin, const mission::RescueStartSuite& order, MonotonicTime now);
   void execute(const TelecommandOrigin& origin, const mission::RescueReboot& order, MonotonicTime now);
@@ -90,6 +96,7 @@ class Rescuer {
   RecoveryFiles files_;
   LinkStore link_store_;
   UplinkChain uplink_;
+  TransmitterSwitch transmitter_;
   FrameCountFile frame_count_file_;
   FrameCountReserve frame_count_reserve_;
   DownlinkScheduler downlink_;
@@ -111,7 +118,6 @@ class Rescuer {
   MonotonicTime contact_;
   MonotonicTime beacon_at_;
   MonotonicTime feed_at_;
-  MonotonicTime flags_at_;  ///< next write of a state that only control commands changed
   bool storage_writable_ = true;
   std::uint32_t telecommands_ = 0;
   std::uint32_t telecommands_failed_ = 0;

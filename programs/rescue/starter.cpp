@@ -2,14 +2,17 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "programs/rescue/starter.hpp"
 
+#include <fmt/format.h>
 #include <linux/reboot.h>
 #include <sys/reboot.h>
 #include <unistd.h>
 
 #include "base/log.hpp"
+#include "base/process.hpp"
 #include "hw/open.hpp"
 #include "programs/rescue/nodes_of_suite.hpp"
 #include "suite/boot_store.hpp"
+#include "suite/ring/fault_file.hpp"
 
 namespace srfs::rescue {
 namespace {
@@ -65,16 +68,38 @@ void Starter::count_start() {
   if (suite::StepRecord stored = store_.read(); stored.revision > record_.revision)
     record_ = std::move(stored);
   const auto boot = suite::BootStore(std::filesystem::path(settings_.var) / "state" / "boot").load().state;
+  const auto before = record_.step;
   record_ = suite::on_start(record_, boot, settings_.steps);
   save();
+  if (record_.step != before) note_step();
   log::info("start {} since the suite was healthy, step {}", record_.starts, to_text(record_.step));
+}
+
+void Starter::note_step() const {
+  suite::FaultRecord note;
+  note.utc = system_utc_now();
+  note.monotonic = monotonic_now();
+  note.boot = kernel_boot_id().value_or("unknown");
+  note.observer = "srfs_rescue";
+  note.subject = "suite";
+  note.misses = record_.unhealthy_starts();
+  note.detail = fmt::format("step {}, cause {}", to_text(record_.step), to_text(record_.cause));
+  note.cause = record_.detail;
+  const bool runs = record_.step != suite::BootStep::rescue;
+  note.outcome = runs ? suite::RestartOutcome::What::restarted : suite::RestartOutcome::What::held;
+  const auto ledger = std::filesystem::path(settings_.var) / "state" / "ring" / "faults.log";
+  if (const auto noted = suite::append_fault(ledger, std::move(note)); !noted)
+    log::error("the step is not in the ledger: {}", noted.error());
 }
 
 void Starter::take_measures(suite::BootStep step) {
   ++record_.set_aside;
   save();  // the number before the folder
   log::warn("step {}: its measures are taken", to_text(step));
-  if (const auto problems = files_.take_measures(step, record_.set_aside); !problems.empty())
+  (void)files_.drop_oldest();
+  LinkStore link(std::filesystem::path(settings_.var) / "state" / "ttc");
+  (void)link.load(monotonic_now());
+  if (const auto problems = files_.take_measures(step, record_.set_aside, link); !problems.empty())
     log::error("{}", problems);
 }
 
@@ -99,24 +124,28 @@ std::optional<int> Starter::be_on_the_line() {
   if (suite::StepRecord stored = store_.read(); stored.revision > record_.revision)
     record_ = std::move(stored);
   record_.set_aside = std::max(record_.set_aside, set_aside);
-  switch (end.kind) {
-    case RescueEnd::Kind::start_suite:
-      record_ = suite::on_commanded(record_, end.step);
-      for (const auto step : {suite::BootStep::last_good, suite::BootStep::golden}) {
-        if (step <= end.step) take_measures(step);
-      }
-      break;
-    case RescueEnd::Kind::no_contact:
-      log::warn("no telecommand for {} s: the suite gets another try", settings_.steps.no_contact.count());
-      record_ = suite::on_no_contact(record_, settings_.steps);
-      break;
-    case RescueEnd::Kind::reboot:
-      sync();
-      if (is_hardware(settings_.watchdog)) (void)reboot(LINUX_REBOOT_CMD_RESTART);
-      return restart_exit_code;
+  if (end.kind == RescueEnd::Kind::reboot) {
+    sync();
+    if (is_hardware(settings_.watchdog)) (void)reboot(LINUX_REBOOT_CMD_RESTART);
+    return restart_exit_code;
+  }
+  end_rescue(end);
+  return std::nullopt;
+}
+
+void Starter::end_rescue(const RescueEnd& end) {
+  if (end.kind == RescueEnd::Kind::start_suite) {
+    // Before the record: after a cut in the middle it is rescue that comes again, and the order with it.
+    for (const auto step : {suite::BootStep::last_good, suite::BootStep::golden}) {
+      if (step <= end.step) take_measures(step);
+    }
+    record_ = suite::on_commanded(record_, end.step);
+  } else {
+    log::warn("no telecommand for {} s: the suite gets another try", settings_.steps.no_contact.count());
+    record_ = suite::on_no_contact(record_, settings_.steps);
   }
   save();
-  return std::nullopt;
+  note_step();
 }
 
 void Starter::begin_start() {
@@ -130,6 +159,7 @@ void Starter::begin_start() {
 
 int Starter::start() {
   if (suite_runs(settings_.var)) return start_suite().empty() ? 0 : restart_exit_code;
+  (void)end_suite(settings_.var);  // of a start that was cut off: nodes that are still being loaded
   while (true) {
     begin_start();
     if (record_.step == suite::BootStep::rescue) {

@@ -21,6 +21,8 @@ class Starter {
 
   /// One more start: counted, then the measures that are due. The first half of start().
   void begin_start();
+  /// What follows an order to start the suite, or none for long: measures, then their record.
+  void end_rescue(const RescueEnd& end);
   [[nodiscard]] const suite::StepRecord& record() const { return record_; }
 
   static constexpr int restart_exit_code = 75;
@@ -29,6 +31,8 @@ class Starter {
   void count_start();
   void take_measures(suite::BootStep step);
   void save();
+  /// The step in the fault ledger.
+  void note_step() const;
   /// @return exit code; nullopt: the suite is to be started
   [[nodiscard]] std::optional<int> be_on_the_line();
   /// @return what went wrong

@@ -14,6 +14,10 @@ from srfs.flight import mission
 from srfs.flight.processes import wait_until
 
 
+def step_of(board):
+    return json.loads(board.srfs(board.whole_bin, "rescue", "step", "--json").stdout)
+
+
 class RescueTest(SystemTest):
     def test_a_damaged_suite_is_answered_for_and_brought_back_by_telecommands_alone(self):
         with rescue.Board(self.folder / "board", mission.installed(BIN)) as board:
@@ -32,15 +36,21 @@ class RescueTest(SystemTest):
             self.assertIsNotNone(board.answers())
             self.assertEqual(board.speaker(), "rescue")
             self.assertIn("srfs_rescue: unhealthy_starts, the suite is down", board.ground("status", "--timeout", "30").stdout)
-            step = json.loads(board.srfs(board.whole_bin, "rescue", "step", "--json").stdout)
+            step = step_of(board)
             self.assertEqual((step["step"], step["cause"]), ("rescue", "unhealthy_starts"))
 
             # What only the suite does is refused, logs come down, keys do not.
             self.assertIn("no application process", board.ground("tc", "ring.hold", "node=ttc", "--wait").stdout)
             self.assertIn("ttc", board.order("rescue.list", "path=state")[1])
-            self.assertTrue(board.order("rescue.fetch", "path=log/timing.log")[0])
+            for path in ("log/timing.log", "state/ring/faults.log", "state/boot/step_a"):
+                self.assertTrue(board.order("rescue.fetch", f"path={path}")[0])
             board.ground("files", "--duration", "2")
-            self.assertIn("timing", (board.station / "ground" / "files" / "log_timing.log").read_text())
+            came = board.station / "ground" / "files"
+            self.assertIn("timing", (came / "log_timing.log").read_text())
+            self.assertIn("step1 ", (came / "state_boot_step_a").read_text())
+            ledger = [json.loads(line.split("\t")[0]) for line in (came / "state_ring_faults.log").read_text().splitlines()]
+            steps = [line["detail"] for line in ledger if line["observer"] == "srfs_rescue"]
+            self.assertEqual(steps, [f"step {name}, cause unhealthy_starts" for name in ("last_good", "golden", "rescue")])
             self.assertNotEqual(board.ground("tc", "rescue.fetch", "path=keys/tc_uplink.key", "--wait").returncode, 0)
 
             damaged = [rescue.Damage(board.deployment.relative_to(board.folder), "rubbish")]

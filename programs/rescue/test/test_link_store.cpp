@@ -3,6 +3,7 @@
 #include "programs/rescue/link_store.hpp"
 
 #include <random>
+#include <utility>
 
 #include <gtest/gtest.h>
 
@@ -90,18 +91,69 @@ TEST(RescueLinkStore, ThatTheCountersAreLostIsNotedForTtc) {
   EXPECT_EQ(read_file(folder.path() / "counters_lost").value_or("none"), "");
 }
 
+std::string remove_it(const std::filesystem::path& segment) {
+  std::filesystem::remove(segment);
+  return "";
+}
+
 TEST(RescueLinkStore, CountersOutliveTheJournalThatIsSetAside) {
   const testing_support::TemporaryFolder folder;
   write_as_ttc(folder.path(), with_counter(7, 1000));
+  LinkStore store(folder.path());
+  (void)store.load(now);
 
-  ASSERT_EQ(LinkStore(folder.path()).carry_counters_over(), "");
-  for (const char* segment : {"telecommands.0", "telecommands.1"})
-    std::filesystem::remove(folder.path() / segment);
+  ASSERT_EQ(store.set_journal_aside(remove_it), "");
 
   const auto journal = read_as_ttc(folder.path());
   EXPECT_EQ(journal.link().associations, with_counter(7, 1000).associations);
   EXPECT_TRUE(journal.schedule().activities().empty());
   EXPECT_GE(journal.next_id(), 100U) << "no id is used twice";
+}
+
+TEST(RescueLinkStore, FramesBehindAJournalThatWasSetAsideAreNotTakenAgain) {
+  const testing_support::TemporaryFolder folder;
+  write_as_ttc(folder.path(), with_counter(7, 1000));
+  LinkStore store(folder.path());
+  (void)store.load(now);
+  ASSERT_TRUE(store.store(with_counter(8, 1001)));
+  ASSERT_EQ(store.set_journal_aside(remove_it), "");
+
+  for (std::uint64_t next = 1; next < 5; ++next) {
+    ASSERT_TRUE(store.store(with_counter(8 + next, 1001 + next)));
+    EXPECT_EQ(LinkStore(folder.path()).load(now).associations,
+              with_counter(8 + next, 1001 + next).associations);
+    EXPECT_EQ(read_as_ttc(folder.path()).link().associations,
+              with_counter(8 + next, 1001 + next).associations);
+  }
+}
+
+TEST(RescueLinkStore, OfAJournalThatIsCutApartTheNewestStateIsLeft) {
+  const testing_support::TemporaryFolder folder;
+  write_as_ttc(folder.path(), with_counter(7, 1000));
+  {  // ttc goes on: the activity leaves the schedule
+    AcceptanceJournal journal("boot", milliseconds(0));
+    JournalFile file(folder.path() / "telecommands");
+    JournalLog log(file);
+    for (const auto& record : log.load().records) (void)journal.apply(record);
+    journal.begin({}, 1, now);
+    ScheduleChange change;
+    change.removed.push_back(1);
+    (void)journal.change_schedule(change);
+    ASSERT_TRUE(log.snapshot(*journal.take_batch(true).snapshot));
+  }
+  LinkStore store(folder.path());
+  (void)store.load(now);
+  bool cut = false;
+
+  EXPECT_NE(store.set_journal_aside([&](const std::filesystem::path& segment) -> std::string {
+    if (std::exchange(cut, true)) return "cut";
+    return remove_it(segment);
+  }),
+            "");
+
+  EXPECT_TRUE(read_as_ttc(folder.path()).schedule().activities().empty()) << "it was released before";
+  ASSERT_TRUE(store.store(with_counter(8, 1001)));
+  EXPECT_EQ(read_as_ttc(folder.path()).link().associations, with_counter(8, 1001).associations);
 }
 
 TEST(RescueLinkStore, NoCounterGoesBackWhateverDamageOnePlaceHas) {

@@ -34,6 +34,16 @@ class RecoveryFilesTest : public ::testing::Test {
   }
   [[nodiscard]] bool exists(const std::string& path) const { return std::filesystem::exists(at(path)); }
   [[nodiscard]] RecoveryFiles files() const { return RecoveryFiles(settings_); }
+  [[nodiscard]] FilesResult<std::uint32_t> set_aside(RescuePart part, std::uint32_t number) const {
+    LinkStore link(at("var/state/ttc"));
+    (void)link.load(MonotonicTime());
+    return files().set_aside(part, number, link);
+  }
+  [[nodiscard]] std::string take_measures(suite::BootStep step, std::uint32_t number) const {
+    LinkStore link(at("var/state/ttc"));
+    (void)link.load(MonotonicTime());
+    return files().take_measures(step, number, link);
+  }
   /// A golden copy of a file as it is.
   void make_golden(const std::vector<std::string>& paths) const {
     update::GoldenManifest manifest;
@@ -62,7 +72,7 @@ TEST_F(RecoveryFilesTest, WhatIsSetAsideIsMovedAndNothingElse) {
   put("var/state/payload_eps/hold", "held");
   put("var/store/housekeeping/1", "packets");
 
-  const auto moved = files().set_aside(RescuePart::parameters, 4);
+  const auto moved = set_aside(RescuePart::parameters, 4);
 
   ASSERT_TRUE(moved) << moved.error().text;
   EXPECT_EQ(*moved, 2U);
@@ -70,14 +80,14 @@ TEST_F(RecoveryFilesTest, WhatIsSetAsideIsMovedAndNothingElse) {
   EXPECT_EQ(content("var/set_aside/4/state/payload_eps/hold"), "held");
   EXPECT_EQ(content("var/state/ttc/mode"), "nominal");
   EXPECT_TRUE(exists("var/store/housekeeping/1"));
-  EXPECT_EQ(files().set_aside(RescuePart::parameters, 5).value_or(99), 0U) << "again: nothing is left";
+  EXPECT_EQ(set_aside(RescuePart::parameters, 5).value_or(99), 0U) << "again: nothing is left";
 }
 
 TEST_F(RecoveryFilesTest, ASecondSetInOneFolderCoversNothing) {
   put("var/state/ttc/mode", "first");
-  ASSERT_TRUE(files().set_aside(RescuePart::state, 1));
+  ASSERT_TRUE(set_aside(RescuePart::state, 1));
   put("var/state/ttc/mode", "second");
-  ASSERT_TRUE(files().set_aside(RescuePart::state, 1));
+  ASSERT_TRUE(set_aside(RescuePart::state, 1));
 
   EXPECT_EQ(content("var/set_aside/1/state/ttc/mode"), "first");
   EXPECT_EQ(content("var/set_aside/1/state/ttc/mode.2"), "second");
@@ -85,15 +95,16 @@ TEST_F(RecoveryFilesTest, ASecondSetInOneFolderCoversNothing) {
 
 TEST_F(RecoveryFilesTest, TheStateIsSetAsideWithoutCountersAndKeys) {
   for (const char* name :
-       {"telecommands.0", "link_state", "key_selection.a", "frame_counts", "mode", "stores"})
+       {"telecommands.0", "link_state", "key_selection.a", "frame_counts", "transmitter", "mode", "stores"})
     put(std::string("var/state/ttc/") + name, name);
+  put("var/state/ring/faults.log", "ledger");
   put("var/state/boot/record_a", "boot");
   put("var/state/timing/incarnation", "7");
 
-  ASSERT_TRUE(files().set_aside(RescuePart::state, 1));
+  ASSERT_TRUE(set_aside(RescuePart::state, 1));
 
   for (const char* name : {"ttc/telecommands.0", "ttc/link_state", "ttc/key_selection.a", "ttc/frame_counts",
-                           "boot/record_a", "timing/incarnation"})
+                           "ttc/transmitter", "ring/faults.log", "boot/record_a", "timing/incarnation"})
     EXPECT_TRUE(exists(std::string("var/state/") + name)) << name;
   EXPECT_FALSE(exists("var/state/ttc/mode")) << "without it ttc starts in safe mode";
   EXPECT_FALSE(exists("var/state/ttc/stores"));
@@ -105,7 +116,7 @@ TEST_F(RecoveryFilesTest, GoldenIsOneStepForAllAndMayBeCutAnywhere) {
   put("var/state/ttc/mode", "nominal");
   put("var/state/ttc/telecommands.0", "rubbish");
 
-  EXPECT_NE(files().take_measures(suite::BootStep::golden, 2), "") << "no golden copies: said";
+  EXPECT_NE(take_measures(suite::BootStep::golden, 2), "") << "no golden copies: said";
 
   EXPECT_FALSE(exists("var/versions"));
   EXPECT_FALSE(exists("var/store"));
@@ -123,7 +134,7 @@ TEST_F(RecoveryFilesTest, LastGoodLeavesAVersionOnProbation) {
   ASSERT_TRUE(number) << number.error();
   ASSERT_TRUE(store.use(*number, milliseconds(1000), "test"));
 
-  EXPECT_EQ(files().take_measures(suite::BootStep::last_good, 1), "");
+  EXPECT_EQ(take_measures(suite::BootStep::last_good, 1), "");
 
   EXPECT_EQ(store.read().table.active(), update::golden);
   EXPECT_EQ(store.read().table.find(*number)->state, update::VersionState::failed);
@@ -192,10 +203,77 @@ TEST_F(RecoveryFilesTest, NothingIsRestoredOutsideTheSuiteOrInThePlaceOfACounter
   put("var/files/f", "x");
   for (const std::string target :
        {"/etc/passwd", "../outside", "keys/tc_uplink.key", "state/ttc/link_state", "state/boot/step_a",
-        "state/ttc/../ttc/link_state", "set_aside/1/x", "", "state/./ttc/telecommands.0"})
+        "state/ttc/../ttc/link_state", "set_aside/1/x", "", "state/./ttc/telecommands.0", "golden/manifest_a",
+        "run/stopping", "state", "state/ttc/transmitter"})
     EXPECT_EQ(files().restore("f", target, 1).error().code, failure::not_restorable) << target;
   EXPECT_EQ(files().restore("../x", "log/x", 1).error().code, failure::file_not_found);
   EXPECT_TRUE(files().restore("f", "state/ttc/parameters.yaml", 1));
+}
+
+TEST_F(RecoveryFilesTest, NoAbsoluteTargetReachesAKeyOrWhatIsNotTheSuites) {
+  put("var/files/f", "x");
+  put("etc/keys/tc.key", "secret");
+  put("etc/tc_ad.yaml", "secret");
+  put("etc/passwd", "root");
+  put("opt/data", "x");
+  put("var/keys/tc.key", "secret");
+  put("rescue_a/settings", "keys");
+  settings_.associations = {{.spi = 1, .key_file = at("etc/keys/tc.key").string()},
+                            {.spi = 2, .key_file = at("etc/tc_ad.yaml").string()}};
+  make_golden({"etc/keys/tc.key"});
+  std::filesystem::create_directories(at("opt/lib"));
+  std::filesystem::create_directory_symlink(at("etc/keys"), at("opt/lib/innocent"));
+  std::filesystem::create_directory_symlink(at("etc"), at("var/log"));
+  std::filesystem::create_hard_link(at("etc/keys/tc.key"), at("etc/copy.yaml"));
+
+  for (const std::string target :
+       {"etc/keys/tc.key", "etc/tc_ad.yaml", "etc/passwd", "opt/data", "var/keys/tc.key", "rescue_a/settings",
+        "opt/lib/innocent/tc.key", "etc/copy.yaml", "var/golden/manifest_a", "var/state/ttc/link_state"})
+    EXPECT_EQ(files().restore("f", at(target).string(), 1).error().code, failure::not_restorable) << target;
+  EXPECT_FALSE(files().restore("f", "log/passwd", 1)) << "no link leads out of VAR";
+  EXPECT_EQ(content("etc/keys/tc.key"), "secret");
+
+  for (const std::string target : {"etc/deployment.yaml", "etc/base.yaml", "opt/bin/ttc_node",
+                                   "opt/lib/libsrfs_base.so.0", "opt/share/srfs/core/core.yaml"})
+    EXPECT_TRUE(files().restore("f", at(target).string(), 1)) << target;
+  EXPECT_TRUE(files().restore("f", at("var/state/ttc/parameters.yaml").string(), 1)) << "as the relative one";
+}
+
+TEST_F(RecoveryFilesTest, InAPrefixThatOthersShareAGoldenCopyMustTell) {
+  settings_.program = "/usr/bin/srfs";
+  put("var/files/f", "x");
+  put("lib/of_the_suite", "good");
+  make_golden({"lib/of_the_suite"});
+
+  EXPECT_EQ(files().restore("f", "/usr/bin/no_such_program", 1).error().code, failure::not_restorable);
+  EXPECT_TRUE(files().restore("f", at("lib/of_the_suite").string(), 1));
+}
+
+TEST_F(RecoveryFilesTest, OfWhatIsSetAsideTheOldestGoesAndTheNewestStays) {
+  for (int number = 1; number <= 12; ++number)
+    put("var/set_aside/" + std::to_string(number) + "/state/ttc/mode", "x");
+  put("var/set_aside/notes", "of an operator");
+
+  EXPECT_EQ(files().drop_oldest(), 12U - (RecoveryFiles::most_set_aside - 1));
+
+  EXPECT_FALSE(exists("var/set_aside/5"));
+  EXPECT_TRUE(exists("var/set_aside/6"));
+  EXPECT_TRUE(exists("var/set_aside/12"));
+  EXPECT_TRUE(exists("var/set_aside/notes"));
+  EXPECT_EQ(files().drop_oldest(), 0U);
+}
+
+TEST_F(RecoveryFilesTest, AHundredResetsLeaveABoundedNumberOfFolders) {
+  for (std::uint32_t number = 1; number <= 100; ++number) {
+    put("var/state/ttc/mode", std::to_string(number));
+    (void)files().drop_oldest();
+    ASSERT_TRUE(set_aside(RescuePart::state, number));
+  }
+  std::size_t folders = 0;
+  for (const auto& entry : std::filesystem::directory_iterator(at("var/set_aside")))
+    folders += entry.is_directory() ? 1 : 0;
+  EXPECT_EQ(folders, RecoveryFiles::most_set_aside);
+  EXPECT_EQ(content("var/set_aside/100/state/ttc/mode"), "100");
 }
 
 TEST_F(RecoveryFilesTest, ALogGoesIntoTheOutboxAndAKeyDoesNot) {
