@@ -314,6 +314,12 @@ float median_of(std::vector<float>& values) {
   return *middle;
 }
 
+Middle middle_of(std::vector<float> values) {
+  const float middle = median_of(values);
+  for (float& v : values) v = std::abs(v - middle);
+  return {double(middle), 1.4826 * double(median_of(values))};
+}
+
 int sky_cell_px(int width, int height) {
   return std::clamp(std::min(width, height) / 4, 16, 64);
 }

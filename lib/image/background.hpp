@@ -52,4 +52,13 @@ inline constexpr int noise_rows = 8;
 /// The middle value; rearranges @p values. @pre not empty
 [[nodiscard]] float median_of(std::vector<float>& values);
 
+/// Median, and the standard deviation by the median distance from it: a few values that do not belong to the
+/// others change neither by much.
+struct Middle {
+  double value;
+  double spread;
+};
+/// @pre not empty
+[[nodiscard]] Middle middle_of(std::vector<float> values);
+
 }  // namespace srfs::image

@@ -65,6 +65,22 @@ constexpr double dark_by_chance = 3;
 constexpr double ring_most = 20;     ///< significance: what is brighter stays
 constexpr double rings_least = 0.3;  ///< of them beside each bright star
 constexpr double dark_star = 30;     ///< height: beside it coding rings
+/// What bright stars have beside themselves in common the lens makes. Stars of such a height show it, this
+/// many of the nearest ones, no fainter than this share of the star; within so many FWHM and px.
+constexpr double common_height = 25;
+constexpr std::size_t common_least = 5;
+constexpr std::size_t common_most = 12;
+constexpr double common_share = 0.2;
+constexpr double common_reach = 3.5;
+constexpr double common_reach_px = 4;
+constexpr double companion_nearest = 0.3;  ///< in FWHM
+constexpr double companion_most = 0.5;     ///< of the star's height
+/// Common light is above nothing by so many errors; what is no more than so many spreads above it is of it.
+constexpr double common_certain = 1.5;
+constexpr double common_errors = 3;
+constexpr int common_sides = 8;  ///< of one star
+/// Share of the bright stars' light that their shape leaves at least.
+constexpr double common_shape_error = 0.04;
 /// Stars of their own shape: as bright, as little explained, with as little light around.
 constexpr float odd_height = 20;
 constexpr float odd_share = 0.6F;
@@ -874,12 +890,121 @@ class Finder {
       drop.push_back(brightest > dark_star && star.height < share * brightest &&
                      star.significance < ring_most);
     }
+    drop_stars(drop);
+  }
+
+  /// The lens' own shape, where it differs from the frame's (coma, halos, the corners), is no star. A true
+  /// companion is one star's alone. Where the frame's shape explains the bright stars there is nothing to
+  /// drop; where too few show whether it does, most companions have to be common.
+  void drop_common_companions() {
+    const bool is_unknown = shape_error_ == 0;
+    if (!is_unknown && shape_error_ < common_shape_error) return;
+    std::vector<std::size_t> bright;
+    for (std::size_t i = 0; i < stars_.size(); ++i) {
+      if (stars_[i].height > common_height) bright.push_back(i);
+    }
+    const PlaceIndex places(stars_);
+    std::vector<bool> drop(stars_.size(), false);
+    int companions = 0;
+    for (const std::size_t b : bright) {
+      places.near(stars_[b].x, stars_[b].y, companion_reach(), [&](std::size_t c, double distance) {
+        if (drop[c] || c == b || distance < companion_nearest * psf_.fwhm_px()) return;
+        if (stars_[c].height > companion_most * stars_[b].height) return;
+        ++companions;
+        drop[c] = is_common(b, c, bright, places);
+      });
+    }
+    if (is_unknown && 2 * std::count(drop.begin(), drop.end(), true) < companions) return;
+    drop_stars(drop);
+  }
+
+  void drop_stars(const std::vector<bool>& drop) {
     for (std::size_t i = 0; i < stars_.size(); ++i) {
       if (!drop[i]) continue;
       add_light(stars_[i], 1);
       stars_[i].height = 0;
     }
     std::erase_if(stars_, [](const Fitted& s) { return s.height <= 0; });
+  }
+
+  [[nodiscard]] double companion_reach() const { return common_reach * psf_.fwhm_px() + common_reach_px; }
+
+  /// Whether what star @p b has at the place of @p c the bright stars around it have as well, at the same
+  /// place or turned with the direction to the frame's middle; or the star itself on its other sides.
+  [[nodiscard]] bool is_common(std::size_t b, std::size_t c, const std::vector<std::size_t>& bright,
+                               const PlaceIndex& places) {
+    const Fitted& star = stars_[b];
+    const double dx = stars_[c].x - star.x;
+    const double dy = stars_[c].y - star.y;
+    const auto share = [&](std::size_t of, double turn) {
+      const double u = std::cos(turn);
+      const double v = std::sin(turn);
+      const double height = light_beside(of, u * dx - v * dy, v * dx + u * dy, places);
+      return static_cast<float>(height / stars_[of].height);
+    };
+    const double own = double(share(b, 0));
+    const auto are_alike = [&](std::vector<float>&& shares) {
+      const auto n = static_cast<double>(shares.size());
+      const Middle middle = middle_of(std::move(shares));
+      return middle.value > common_certain * middle.spread / std::sqrt(n) &&
+             own < middle.value + common_errors * middle.spread;
+    };
+    std::vector<float> shares;
+    for (int k = 1; k < common_sides; ++k)
+      shares.push_back(share(b, k * 2 * std::numbers::pi / common_sides));
+    if (are_alike(std::move(shares))) return true;
+    const std::vector<std::size_t> others = bright_around(b, c, bright);
+    if (others.size() < common_least) return false;
+    std::vector<float> as_it_is;
+    std::vector<float> turned;
+    for (const std::size_t o : others) {
+      as_it_is.push_back(share(o, 0));
+      turned.push_back(share(o, outwards(stars_[o]) - outwards(star)));
+    }
+    return are_alike(std::move(as_it_is)) || are_alike(std::move(turned));
+  }
+
+  /// Direction from the frame's middle.
+  [[nodiscard]] double outwards(const Fitted& star) const {
+    return std::atan2(star.y - (residual_.height() - 1) / 2.0, star.x - (residual_.width() - 1) / 2.0);
+  }
+
+  /// The stars nearest to @p b that are bright enough to show what it has beside itself, none of them @p c.
+  [[nodiscard]] std::vector<std::size_t> bright_around(std::size_t b, std::size_t c,
+                                                       const std::vector<std::size_t>& bright) const {
+    std::vector<std::pair<double, std::size_t>> others;
+    for (const std::size_t o : bright) {
+      const Fitted& other = stars_[o];
+      if (o == b || other.height < common_share * stars_[b].height) continue;
+      if (std::hypot(other.x - stars_[c].x, other.y - stars_[c].y) < companion_reach()) continue;
+      others.emplace_back(std::hypot(other.x - stars_[b].x, other.y - stars_[b].y), o);
+    }
+    const std::size_t n = std::min(others.size(), common_most);
+    std::partial_sort(others.begin(), others.begin() + static_cast<std::ptrdiff_t>(n), others.end());
+    std::vector<std::size_t> nearest;
+    for (std::size_t i = 0; i < n; ++i) nearest.push_back(others[i].second);
+    return nearest;
+  }
+
+  /// Height of a star with the light at a place beside another one, in the frame without that.
+  [[nodiscard]] double light_beside(std::size_t star, double dx, double dy, const PlaceIndex& places) {
+    const double x = stars_[star].x + dx;
+    const double y = stars_[star].y + dy;
+    take_patch(residual_, clean_.flaws, x, y, psf_.fit_radius(), patch_);
+    profile_heights(profile_, patch_, static_cast<float>(x), static_cast<float>(y), heights_);
+    double product = 0, energy = 0;
+    for (std::size_t i = 0; i < patch_.size(); ++i) {
+      const double weight = double(patch_.use[i]) * double(heights_[i]);
+      product += weight * double(patch_.light[i]);
+      energy += weight * double(heights_[i]);
+    }
+    double height = energy > 0 ? product / energy : 0;
+    // Of what was taken for stars there, as much as a star at the place shares with them.
+    const double square = 4 * double(psf_.sigma_px()) * double(psf_.sigma_px());
+    places.near(x, y, 2 * psf_.fwhm_px(), [&](std::size_t i, double distance) {
+      if (i != star) height += stars_[i].height * std::exp(-distance * distance / square);
+    });
+    return height;
   }
 
   [[nodiscard]] bool is_lowest(int x, int y) const {
@@ -988,6 +1113,7 @@ class Finder {
     if (options_.close_ones) {
       drop_likely_pixels();
       drop_rings();
+      drop_common_companions();
     }
     double least = options_.snr_least;
     if (least <= 0) {

@@ -78,6 +78,11 @@ constexpr double ray_of_glaring_falls = 1.2;
 constexpr double glaring_gap_px = 20;  ///< or the ray's length: so far from it the ray may begin
 constexpr std::size_t glaring_stars_most = 200;
 constexpr double ray_error = 3;
+/// So near a much brighter star a line has to stand out from what that has on so many sides, by so many
+/// spreads.
+constexpr double halo_px = 60;
+constexpr int halo_sides = 8;
+constexpr double halo_errors = 3;
 /// As wide as that is a particle's track at most.
 constexpr double track_width_px = 1.55;
 /// Of a trail's length: so long is the same line found by its shape.
@@ -691,7 +696,53 @@ class Finder {
     const double narrowest = std::clamp(track_width_px / fwhm_, 0.75, 0.92);
     if (l.scale > 1.2 + error || l.scale < narrowest - error) return false;
     return !sky_.is_along_edge(l, fwhm_) && !sky_.is_beside_no_sky(l) && is_even(l, snr) &&
-           stands_out(l, snr) && !is_ray_of_star(l);
+           stands_out(l, snr) && !is_ray_of_star(l) && !is_of_halo(l);
+  }
+
+  /// It stands out little from what a much brighter star beside it has at the same place on its other sides:
+  /// a star's model may be wrong by that.
+  [[nodiscard]] bool is_of_halo(const Line& l) const {
+    const Along line(l);
+    for (std::size_t i = 0; i < std::min(field_.stars.size(), glaring_stars_most); ++i) {
+      const Star& s = field_.stars[i];
+      if (height_of(i) < glaring_star * l.height) break;  // brightest first
+      if (std::hypot(line.across(s.x, s.y), line.beyond(s.x, s.y)) > halo_px) continue;
+      std::vector<float> others;
+      for (int k = 1; k < halo_sides; ++k) {
+        const auto height = height_along(turned(l, s, k * 2 * std::numbers::pi / halo_sides));
+        if (height) others.push_back(static_cast<float>(*height));
+      }
+      if (2 * others.size() < halo_sides) continue;
+      const Middle middle = middle_of(std::move(others));
+      if (l.height < std::max(0.0, middle.value) + halo_errors * middle.spread) return true;
+    }
+    return false;
+  }
+
+  [[nodiscard]] static Line turned(const Line& l, const Star& around, double angle) {
+    const double c = std::cos(angle);
+    const double s = std::sin(angle);
+    const auto x = [&](double dx, double dy) { return around.x + c * dx - s * dy; };
+    const auto y = [&](double dx, double dy) { return around.y + s * dx + c * dy; };
+    Line line = l;
+    line.x1 = x(l.x1 - around.x, l.y1 - around.y), line.y1 = y(l.x1 - around.x, l.y1 - around.y);
+    line.x2 = x(l.x2 - around.x, l.y2 - around.y), line.y2 = y(l.x2 - around.x, l.y2 - around.y);
+    return line;
+  }
+
+  /// Of the light along a line, by its model; nothing where most of it is hidden or outside.
+  [[nodiscard]] std::optional<double> height_along(const Line& l) const {
+    const double narrow = 0.5 / (sigma_ * sigma_ * l.scale * l.scale);
+    double product = 0, seen = 0, all = 0;
+    for_pixels_along(l, light_.width(), light_.height(), 2 * sigma_ * l.scale, 0,
+                     [&](int x, int y, double, double across) {
+                       const double m = std::exp(-across * across * narrow);
+                       all += m * m;
+                       if (mask_.at(x, y) == 0) product += m * double(light_.at(x, y)), seen += m * m;
+                     });
+    const double whole = l.length() * sigma_ * l.scale * std::sqrt(std::numbers::pi);
+    if (seen < 0.5 * std::max(all, whole)) return std::nullopt;
+    return product / seen;
   }
 
   /// Beside what lines next to it show: a ridge of something wide, and in crowds of faint stars every line,

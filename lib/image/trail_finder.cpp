@@ -5,8 +5,10 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <numbers>
 #include <numeric>
 #include <optional>
+#include <unordered_map>
 
 #include "image/filter.hpp"
 #include "image/line_search.hpp"
@@ -35,6 +37,7 @@ constexpr double stands_out_least = 6;  ///< spreads that the number of lit bins
 constexpr double shortest_px = 24;
 constexpr double elongation_least = 5;   ///< length beside width
 constexpr double track_longest_px = 64;  ///< a particle's
+constexpr double track_widest_px = 2.2;  ///< and so wide at most, however wide the stars
 constexpr int lit_bins = 5;
 constexpr int lit_bins_of_stars = 8;  ///< of a trail as wide as stars: a row of them may be that short
 constexpr double ragged_most = 0.75;  ///< more: stars in a row, or the glare of one
@@ -54,6 +57,12 @@ constexpr double glaring_star = 15;  ///< its very middle lies on its rays
 constexpr double ray_longest_px = 200;
 constexpr double ray_falls_ragged = 0.8;  ///< more, of a trail whose light changes along it
 constexpr double ray_falls = 1.35;
+/// A star so many times as bright as a trail is none of its knots. Where it has more than this share of the
+/// trail's height, nothing is known; farther out, to so little light, its own is taken away.
+constexpr double trail_star = 6;
+constexpr double hidden_share = 1;
+constexpr float halo_least = 0.3F;
+constexpr int halo_radius_max = 100;
 constexpr double joined_gap_share = 0.6;  ///< of the length of both pieces
 
 struct Trail {
@@ -231,7 +240,89 @@ class Finder {
         strip.known[strip.at(i, s)] = 1;
       }
     }
+    take_stars_away(t, from, strip);
     return strip;
+  }
+
+  /// A star much brighter than the trail that it lies on says nothing of it, neither how bright it is nor
+  /// where it ends; what it has all around itself is its own.
+  void take_stars_away(const Trail& t, double from, Strip& strip) const {
+    if (!(t.height > 0)) return;
+    const double length = std::max(1e-3, t.length());
+    const double ux = (t.x2 - t.x1) / length;
+    const double uy = (t.y2 - t.y1) / length;
+    for (std::size_t n = 0; n < stars_.size(); ++n) {
+      const Star& star = stars_[n];
+      if (height_of(star) < trail_star * t.height) break;  // brightest first
+      const double along = (star.x - t.x1) * ux + (star.y - t.y1) * uy - from - 0.5;
+      const double across = (star.y - t.y1) * ux - (star.x - t.x1) * uy;
+      const double beside = std::max(0.0, std::abs(across) - strip.reach);
+      const double beyond = std::max({0.0, -along, along - strip.along});
+      if (std::hypot(beside, beyond) > halo_radius_max) continue;
+      take_star_away(halo_of(n), along, across, hidden_share * t.height, strip);
+    }
+  }
+
+  /// @param most  light that a star may have where the strip is still of use
+  static void take_star_away(const std::vector<float>& halo, double along, double across, double most,
+                             Strip& strip) {
+    const auto reach = static_cast<double>(halo.size()) - 1;
+    const int first = std::max(0, static_cast<int>(std::ceil(along - reach)));
+    const int last = std::min(strip.along - 1, static_cast<int>(std::floor(along + reach)));
+    for (int i = first; i <= last; ++i) {
+      const double half = std::sqrt(std::max(0.0, reach * reach - (i - along) * (i - along)));
+      const int left = std::max(-strip.reach, static_cast<int>(std::ceil(across - half)));
+      const int right = std::min(strip.reach, static_cast<int>(std::floor(across + half)));
+      for (int k = left; k <= right; ++k) {
+        const std::size_t at = strip.at(i, k);
+        if (strip.known[at] == 0) continue;
+        const float light = halo[static_cast<std::size_t>(std::hypot(i - along, k - across) + 0.5)];
+        strip.known[at] = double(light) < most ? 1 : 0;
+        strip.light[at] = strip.known[at] != 0 ? strip.light[at] - light : 0;
+      }
+    }
+  }
+
+  /// A star's light by the distance from its middle, down to little: of eight pieces of each ring one that
+  /// no trail through the star reaches.
+  [[nodiscard]] const std::vector<float>& halo_of(std::size_t star) const {
+    const auto [place, is_new] = halos_.try_emplace(star);
+    std::vector<float>& halo = place->second;
+    if (!is_new) return halo;
+    const Star& s = stars_[star];
+    int quiet = 0;
+    for (int r = 0; r < halo_radius_max && quiet < 2; ++r) {
+      halo.push_back(ring_light(s, r));
+      quiet = halo.back() < halo_least ? quiet + 1 : 0;
+    }
+    halo.push_back(0);
+    return halo;
+  }
+
+  [[nodiscard]] float ring_light(const Star& s, int r) const {
+    const int pieces = r < 4 ? 1 : 8;
+    const int steps = std::max(3, static_cast<int>(2 * std::numbers::pi * r / pieces));
+    std::vector<float> medians;
+    std::vector<float> values;
+    for (int piece = 0; piece < pieces; ++piece) {
+      values.clear();
+      for (int k = 0; k < steps; ++k) {
+        const double angle = 2 * std::numbers::pi * (piece + (k + 0.5) / steps) / pieces;
+        const int x = static_cast<int>(std::lround(s.x + r * std::cos(angle)));
+        const int y = static_cast<int>(std::lround(s.y + r * std::sin(angle)));
+        if (light_.contains(x, y) && (clean_.flaws.at(x, y) & (flaw_invalid | flaw_no_sky)) == 0)
+          values.push_back(light_.at(x, y));
+      }
+      if (!values.empty()) medians.push_back(median_of(values));
+    }
+    if (medians.empty()) return 0;
+    const auto low = medians.begin() + static_cast<std::ptrdiff_t>(medians.size() / 3);
+    std::nth_element(medians.begin(), low, medians.end());
+    return *low;
+  }
+
+  [[nodiscard]] double height_of(const Star& s) const {
+    return s.flux / clean_.psf.flux() / double(clean_.noise_adu.at(s.x, s.y));
   }
 
   /// Moves the ends across until the band between them has the most light, no
@@ -531,7 +622,8 @@ class Finder {
 
   /// As a particle's track, which the optics do not blur.
   [[nodiscard]] bool is_sharp(const Trail& t) const {
-    return t.width < (clean_.psf_measured ? std::max(1.4, 0.8 * clean_.psf.fwhm_px()) : 1.6);
+    return t.width <
+           (clean_.psf_measured ? std::clamp(0.8 * clean_.psf.fwhm_px(), 1.4, track_widest_px) : 1.6);
   }
 
   /// As wide as a row of stars would be.
@@ -733,7 +825,7 @@ class Finder {
     const std::size_t most = std::min<std::size_t>(stars_.size(), 200);
     for (std::size_t i = 0; i < most; ++i) {
       const Star& s = stars_[i];
-      const double height = s.flux / clean_.psf.flux() / double(clean_.noise_adu.at(s.x, s.y));
+      const double height = height_of(s);
       if (height < ray_star * t.height) break;  // brightest first
       const double along = (s.x - t.x1) * ux + (s.y - t.y1) * uy;
       const double gap = std::max({0.0, -along, along - length});
@@ -829,6 +921,7 @@ class Finder {
   SearchedSky sky_;
   Plane light_;       ///< the signal with what was taken for spikes
   double noise_ = 1;  ///< of the mean of many pixels, beside that of independent ones
+  mutable std::unordered_map<std::size_t, std::vector<float>> halos_;  ///< of stars, by their index
   std::vector<Trail> found_;
   std::vector<Line> refused_;
 };

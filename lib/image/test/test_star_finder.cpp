@@ -321,6 +321,25 @@ TEST(StarFinder, KeepsBrightStarsWithTails) {
   EXPECT_LE(found.size(), 2 * truth.size());  // parts of tails look like stars
 }
 
+/// Tails of coma and halos are the same beside all bright stars; a companion is one star's alone.
+TEST(StarFinder, TakesWhatBrightStarsHaveInCommonForNoCompanions) {
+  hw_sim::LensScene scene = finder_scene(2.6, 207);
+  scene.width = 640, scene.height = 480;
+  scene.lens.coma_px = 14;
+  scene.lens.wider = 0.7;
+  scene.lens.halo_share = 0.25;
+  std::vector<SkyStar> truth = lattice(scene, 60, 900);
+  const SkyStar& bright = truth.at(truth.size() / 2);
+  const SkyStar companion{bright.x - 6, bright.y + 5, bright.flux_e / 4};
+  truth.push_back(companion);
+
+  const std::vector<Star> found = stars_in(frame_of(scene, truth));
+
+  for (const SkyStar& t : truth) EXPECT_NE(nearest(found, t.x, t.y, 4), nullptr) << t.x << ", " << t.y;
+  EXPECT_NE(nearest(found, companion.x, companion.y, 1.5), nullptr);
+  EXPECT_LE(found.size(), truth.size() + truth.size() / 2);
+}
+
 TEST(StarFinder, SaysWhichStarsAreSaturatedOrBlended) {
   SkyScene scene = small_scene(2.6, 203);
   scene.saturation_adu = 4000;

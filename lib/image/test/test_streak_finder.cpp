@@ -431,6 +431,27 @@ TEST(StreakFinder, FindsTrailsFromEdgeToEdge) {
   expect_trail({0, 202, 479, 180, 20 * 10 * 2.4, 2.4}, 304, 0.05);
 }
 
+/// A bright star behind its end, a little beside its line, is no piece of it.
+TEST(StreakFinder, EndsATrailWhereItEndsThoughAStarFollows) {
+  const LensTrail t{180, 120, 276, 178, 16 * 4.5 * 4.8, 4.8, 0.15};
+  const double length = std::hypot(t.x2 - t.x1, t.y2 - t.y1);
+  int wrong = 0;
+  for (const double after : {8.0, 11.0, 14.0, 17.0, 20.0, 24.0}) {
+    for (const double snr : {300.0, 1500.0}) {
+      hw_sim::LensScene scene = finder_scene(2.8, 308);
+      scene.width = 480, scene.height = 360;
+      std::vector<SkyStar> stars = lattice(scene, 8, 200);
+      stars.push_back({t.x2 + after * (t.x2 - t.x1) / length - 2, t.y2 + after * (t.y2 - t.y1) / length + 2,
+                       snr * hw_sim::flux_for_snr(scene, 1)});
+
+      const std::vector<Streak> found = streaks_in(frame_of(scene, stars, {t}));
+
+      wrong += found.size() != 1 || std::abs(found[0].length_px() - length) > 0.1 * length;
+    }
+  }
+  EXPECT_LE(wrong, 1);
+}
+
 /// Its light is as wide as that of stars, but has not their wings: the brighter it is, the more that shows.
 TEST(StreakFinder, FindsStreaksWithoutTheStarsWingsTheBrighterTheSurer) {
   for (const double height : {10.0, 40.0, 160.0}) {
