@@ -6,7 +6,9 @@
 #include <cstddef>
 #include <cstdint>
 #include <span>
+#include <string>
 #include <string_view>
+#include <vector>
 
 #include "base/octets.hpp"
 #include "base/result.hpp"
@@ -77,6 +79,13 @@ class FileStore {
                                                 std::string_view name) = 0;
   virtual void discard_temporary(TransactionId id) = 0;
   virtual void discard_temporaries_except(std::span<const TransactionId> kept) = 0;
+
+  // The outbox (transfer_folders.hpp)
+  /// Names of the files in @p folder that do not begin with a dot, at most @p names_max, in no order.
+  [[nodiscard]] virtual std::vector<std::string> list(std::string_view folder, std::size_t names_max) = 0;
+  virtual void remove(std::string_view name) = 0;
+  /// Replaces a file of the new name. @return whether it was done
+  [[nodiscard]] virtual bool rename(std::string_view from, std::string_view to) = 0;
 
   /// Replaces the checkpoint; the old one stays when this fails or the power goes.
   [[nodiscard]] virtual FileResult<void> save_checkpoint(OctetView checkpoint) = 0;

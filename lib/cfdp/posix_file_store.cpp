@@ -61,13 +61,16 @@ Result<std::unique_ptr<PosixFileStore>, FileError> PosixFileStore::open(
   if (!root_fd || !temporaries) {
     return Err(FileError{fmt::format("{}: cannot open the folder: {}", root.string(), errno_text(errno))});
   }
-  return std::unique_ptr<PosixFileStore>(new PosixFileStore(
-      std::move(root_fd), std::move(temporaries), root / temporaries_name, checkpoint, free_floor_octets));
+  return std::unique_ptr<PosixFileStore>(new PosixFileStore(std::move(root_fd), root, std::move(temporaries),
+                                                            root / temporaries_name, checkpoint,
+                                                            free_floor_octets));
 }
 
-PosixFileStore::PosixFileStore(Fd root, Fd temporaries, std::filesystem::path temporaries_path,
-                               std::filesystem::path checkpoint, std::uint64_t free_floor_octets)
+PosixFileStore::PosixFileStore(Fd root, std::filesystem::path root_path, Fd temporaries,
+                               std::filesystem::path temporaries_path, std::filesystem::path checkpoint,
+                               std::uint64_t free_floor_octets)
     : root_(std::move(root)),
+      root_path_(std::move(root_path)),
       temporaries_(std::move(temporaries)),
       temporaries_path_(std::move(temporaries_path)),
       checkpoint_(std::move(checkpoint)),
@@ -206,6 +209,30 @@ void PosixFileStore::discard_temporaries_except(std::span<const TransactionId> k
         std::any_of(kept.begin(), kept.end(), [&](TransactionId id) { return name_of(id) == name; });
     if (!is_kept) unlinkat(temporaries_.get(), name.c_str(), 0);
   }
+}
+
+std::vector<std::string> PosixFileStore::list(std::string_view folder, std::size_t names_max) {
+  std::vector<std::string> names;
+  std::error_code ec;
+  for (std::filesystem::directory_iterator it(root_path_ / folder, ec), end; !ec && it != end;
+       it.increment(ec)) {
+    if (names.size() == names_max) break;
+    std::string name = it->path().filename().string();
+    if (!name.starts_with('.') && it->symlink_status(ec).type() == std::filesystem::file_type::regular)
+      names.push_back(std::move(name));
+  }
+  return names;
+}
+
+void PosixFileStore::remove(std::string_view name) {
+  std::error_code ec;
+  std::filesystem::remove(root_path_ / name, ec);  // gone already: nothing to do
+}
+
+bool PosixFileStore::rename(std::string_view from, std::string_view to) {
+  std::error_code ec;
+  std::filesystem::rename(root_path_ / from, root_path_ / to, ec);
+  return !ec;
 }
 
 FileResult<void> PosixFileStore::save_checkpoint(OctetView checkpoint) {

@@ -43,6 +43,9 @@ class PosixFileStore final : public FileStore {
   FileResult<void> commit(TransactionId id, std::uint64_t octets, std::string_view name) override;
   void discard_temporary(TransactionId id) override;
   void discard_temporaries_except(std::span<const TransactionId> kept) override;
+  std::vector<std::string> list(std::string_view folder, std::size_t names_max) override;
+  void remove(std::string_view name) override;
+  bool rename(std::string_view from, std::string_view to) override;
   FileResult<void> save_checkpoint(OctetView checkpoint) override;
 
  private:
@@ -50,13 +53,15 @@ class PosixFileStore final : public FileStore {
     TransactionId id;
     Fd fd;
   };
-  PosixFileStore(Fd root, Fd temporaries, std::filesystem::path temporaries_path,
-                 std::filesystem::path checkpoint, std::uint64_t free_floor_octets);
+  PosixFileStore(Fd root, std::filesystem::path root_path, Fd temporaries,
+                 std::filesystem::path temporaries_path, std::filesystem::path checkpoint,
+                 std::uint64_t free_floor_octets);
   [[nodiscard]] FileResult<Place> locate(std::string_view name) const;
   [[nodiscard]] FileResult<int> temporary(TransactionId id);
   void close_temporary(TransactionId id);
 
   Fd root_;
+  std::filesystem::path root_path_;
   Fd temporaries_;
   std::filesystem::path temporaries_path_;
   std::filesystem::path checkpoint_;

@@ -19,12 +19,12 @@ bool arrived(const Outcome& outcome) {
 
 }  // namespace
 
-TransferFolders::TransferFolders(std::filesystem::path root, std::unique_ptr<PosixFileStore> store,
-                                 const Settings& settings, std::uint64_t first_sequence)
-    : root_(std::move(root)),
-      outbox_(root_ / "outbox"),
-      store_(std::move(store)),
-      entity_(settings, *store_, first_sequence) {}
+TransferFolders::TransferFolders(std::shared_ptr<FileStore> store, OctetView checkpoint,
+                                 const Settings& settings, std::uint64_t first_sequence, MonotonicTime now)
+    : store_(std::move(store)), entity_(settings, *store_, first_sequence) {
+  if (const auto restored = entity_.restore(checkpoint, now); !restored) damaged_ = restored.error();
+  look_at_transactions();
+}
 
 Result<std::unique_ptr<TransferFolders>, FileError> TransferFolders::open(
     const std::filesystem::path& root, const std::filesystem::path& checkpoint, const Settings& settings,
@@ -36,14 +36,11 @@ Result<std::unique_ptr<TransferFolders>, FileError> TransferFolders::open(
     std::filesystem::create_directory(root / folder, ec);
     if (ec) return Err(FileError{(root / folder).string() + ": " + ec.message()});
   }
-  auto saved = (*store)->load_checkpoint();
+  const auto saved = (*store)->load_checkpoint();
   if (!saved) return Err(saved.error());
-  std::unique_ptr<TransferFolders> transfer_folders(
-      new TransferFolders(root, std::move(*store), settings, first_sequence));
-  if (const auto restored = transfer_folders->entity_.restore(*saved, now); !restored) {
-    transfer_folders->damaged_ = restored.error();
-  }
-  transfer_folders->look_at_transactions();
+  auto transfer_folders =
+      std::make_unique<TransferFolders>(std::move(*store), *saved, settings, first_sequence, now);
+  transfer_folders->outbox_ = root / "outbox";
   return transfer_folders;
 }
 
@@ -67,15 +64,9 @@ void TransferFolders::scan() {
   for (const Report& report : entity_.transactions()) {
     if (report.role == Role::sending) under_way.insert(report.source_file);
   }
-  std::vector<std::string> found;
-  std::error_code ec;
-  for (std::filesystem::directory_iterator it(outbox_, ec), end; !ec && it != end; it.increment(ec)) {
-    if (found.size() == outbox_files_max) break;
-    const std::string name = it->path().filename().string();
-    if (name.starts_with('.') || it->symlink_status(ec).type() != std::filesystem::file_type::regular)
-      continue;
-    if (!under_way.contains(std::string(outbox_prefix) + name)) found.push_back(name);
-  }
+  std::vector<std::string> found = store_->list("outbox", outbox_files_max);
+  std::erase_if(
+      found, [&](const std::string& name) { return under_way.contains(std::string(outbox_prefix) + name); });
   std::sort(found.begin(), found.end());
   for (const std::string& name : found) {
     if (under_way.size() >= sending_max) break;
@@ -136,13 +127,8 @@ std::vector<News> TransferFolders::take_news() {
 
 void TransferFolders::leave_outbox(const std::string& source_file, bool sent) {
   if (!source_file.starts_with(outbox_prefix)) return;
-  std::error_code ec;
-  if (!sent) {
-    std::filesystem::rename(root_ / source_file, root_ / "unsent" / source_file.substr(outbox_prefix.size()),
-                            ec);
-    if (!ec) return;
-  }
-  std::filesystem::remove(root_ / source_file, ec);  // gone already: nothing to do
+  if (!sent && store_->rename(source_file, "unsent/" + source_file.substr(outbox_prefix.size()))) return;
+  store_->remove(source_file);
 }
 
 TransferTurnResult take_turn(TransferFolders& transfer_folders, const TransferTurn& turn, MonotonicTime now) {

@@ -34,6 +34,9 @@ class TransferFolders {
   [[nodiscard]] static Result<std::unique_ptr<TransferFolders>, FileError> open(
       const std::filesystem::path& root, const std::filesystem::path& checkpoint, const Settings& settings,
       std::uint64_t first_sequence, MonotonicTime now);
+  /// On another disk. @param checkpoint  as save_checkpoint() had it last; empty: the first start
+  TransferFolders(std::shared_ptr<FileStore> store, OctetView checkpoint, const Settings& settings,
+                  std::uint64_t first_sequence, MonotonicTime now);
 
   [[nodiscard]] Entity& entity() { return entity_; }
   [[nodiscard]] const Entity& entity() const { return entity_; }
@@ -57,14 +60,11 @@ class TransferFolders {
   [[nodiscard]] std::optional<TransactionId> sending(const std::string& name) const;
 
  private:
-  TransferFolders(std::filesystem::path root, std::unique_ptr<PosixFileStore> store, const Settings& settings,
-                  std::uint64_t first_sequence);
   void look_at_transactions();
   void leave_outbox(const std::string& source_file, bool sent);
 
-  std::filesystem::path root_;
-  std::filesystem::path outbox_;
-  std::unique_ptr<PosixFileStore> store_;
+  std::filesystem::path outbox_;  // for outbox()
+  std::shared_ptr<FileStore> store_;
   Entity entity_;
   std::optional<CheckpointError> damaged_;
   std::map<TransactionId, Report> known_;  // under way, and ended since take_news()

@@ -111,6 +111,28 @@ class MemoryFileStore final : public FileStore {
     std::erase_if(temporaries_,
                   [&](const auto& t) { return std::find(kept.begin(), kept.end(), t.first) == kept.end(); });
   }
+  std::vector<std::string> list(std::string_view folder, std::size_t names_max) override {
+    const std::string prefix = std::string(folder) + "/";
+    std::vector<std::string> names;
+    for (auto it = files.lower_bound(prefix); it != files.end() && it->first.starts_with(prefix); ++it) {
+      if (names.size() < names_max) names.push_back(it->first.substr(prefix.size()));
+    }
+    return names;
+  }
+  void remove(std::string_view name) override {
+    (void)change([&] {
+      if (const auto found = files.find(name); found != files.end()) files.erase(found);
+    });
+  }
+  bool rename(std::string_view from, std::string_view to) override {
+    auto found = files.find(from);
+    if (found == files.end()) return false;
+    (void)change([&] {
+      files[std::string(to)] = std::move(found->second);
+      files.erase(found);
+    });
+    return true;
+  }
   FileResult<void> save_checkpoint(OctetView octets) override {
     if (checkpoint_fault) return Err(*checkpoint_fault);
     return change([&] { checkpoint.assign(octets.begin(), octets.end()); });

@@ -3,15 +3,8 @@
 #include "nodes/ttc/store/packet_store.hpp"
 
 #include <algorithm>
-#include <cerrno>
-
-#include <fcntl.h>
-#include <fmt/format.h>
-#include <sys/stat.h>
-#include <unistd.h>
 
 #include "base/crc32c.hpp"
-#include "base/text.hpp"
 
 namespace srfs {
 namespace {
@@ -27,16 +20,6 @@ Octets segment_header(std::uint32_t number) {
   return writer.take();
 }
 
-std::optional<std::uint32_t> segment_number(const std::filesystem::path& path) {
-  const std::string stem = path.stem().string();
-  return path.extension() == ".seg" && stem.size() == 8 ? to_number<std::uint32_t>(stem, 16) : std::nullopt;
-}
-
-void sync_folder(const std::filesystem::path& folder) {
-  const Fd fd(::open(folder.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC));
-  if (fd) (void)fsync(fd.get());
-}
-
 }  // namespace
 
 void PacketStore::Segment::count(TaiTime t, std::uint32_t sequence) {
@@ -46,29 +29,19 @@ void PacketStore::Segment::count(TaiTime t, std::uint32_t sequence) {
   newest = newest ? std::max(*newest, t) : t;
 }
 
-std::filesystem::path PacketStore::path_of(std::uint32_t number) const {
-  return config_.folder / fmt::format("{:08x}.seg", number);
-}
-
-FileError PacketStore::failure(const char* what, const std::filesystem::path& path, int error) const {
-  return FileError{fmt::format("{}: cannot {}: {}", path.string(), what, errno_text(error))};
+/// A file may be longer than a segment when one commit was large; twice is never written.
+std::size_t PacketStore::longest_file() const {
+  return 2 * config_.segment_octets + config_.pending_octets;
 }
 
 Result<void, FileError> PacketStore::open() {
-  std::error_code ec;
-  std::filesystem::create_directories(config_.folder, ec);
-  std::vector<std::uint32_t> numbers;
-  for (auto it = std::filesystem::directory_iterator(config_.folder, ec);
-       !ec && it != std::filesystem::directory_iterator(); it.increment(ec)) {
-    if (const auto number = segment_number(it->path())) numbers.push_back(*number);
-  }
-  if (ec) return Err(failure("list", config_.folder, ec.value()));
-  std::sort(numbers.begin(), numbers.end());
+  const auto numbers = files_->list();
+  if (!numbers) return Err(FileError{numbers.error().message});
   segments_.clear();
   cached_number_.reset();
-  file_.reset();
-  for (const std::uint32_t number : numbers) {
-    if (recover(number, number == numbers.back())) continue;
+  files_->close();
+  for (const std::uint32_t number : *numbers) {
+    if (recover(number, number == numbers->back())) continue;
     ++counters_.unreadable;
     // Counted as full, so that nothing is appended to it.
     segments_[number] = Segment{};
@@ -82,10 +55,9 @@ Result<void, FileError> PacketStore::open() {
 }
 
 Result<void, FileError> PacketStore::recover(std::uint32_t number, bool last) {
-  // A file may be longer than a segment when one commit was large; twice is never written.
-  auto content = read_file(path_of(number), 2 * config_.segment_octets + config_.pending_octets);
-  if (!content) return Err(content.error());
-  const OctetView data = as_octets(*content);
+  const auto content = files_->read(number, longest_file());
+  if (!content) return Err(FileError{content.error().message});
+  const OctetView data(*content);
   Segment segment;
   std::size_t offset = std::min(segment_header_octets, data.size());
   while (offset < data.size()) {
@@ -98,9 +70,7 @@ Result<void, FileError> PacketStore::recover(std::uint32_t number, bool last) {
     }
     const std::size_t next = find_record(data, offset + 1);
     if (next == data.size() && record.error() == RecordError::incomplete && last) {
-      if (truncate(path_of(number).c_str(), static_cast<off_t>(offset)) != 0) {
-        return Err(failure("cut the tail of", path_of(number), errno));
-      }
+      if (const auto cut = files_->cut(number, offset); !cut) return Err(FileError{cut.error().message});
       counters_.cut_octets += data.size() - offset;
       break;
     }
@@ -150,11 +120,12 @@ Result<void, FileError> PacketStore::commit() {
   }
   if (pending_.empty() && !unsynced_) return {};
   auto written = pending_.empty() ? start_segment() : write_pending();
-  if (written && fdatasync(file_.get()) != 0)
-    written = Err(failure("sync", path_of(segments_.rbegin()->first), errno));
+  if (written) {
+    if (const auto synced = files_->sync(); !synced) written = Err(FileError{synced.error().message});
+  }
   if (!written) {
     ++counters_.write_failures;
-    file_.reset();  // reopened at the next try; a disk that came back read-only or elsewhere is noticed
+    files_->close();  // reopened at the next try; a disk that came back read-only or elsewhere is noticed
   }
   failing_ = !written;
   unsynced_ = unsynced_ && !written;
@@ -162,40 +133,23 @@ Result<void, FileError> PacketStore::commit() {
 }
 
 Result<void, FileError> PacketStore::start_segment() {
-  struct stat info {};
-  if (file_ && fstat(file_.get(), &info) == 0 && info.st_nlink == 0) {
-    gone_ = true;  // it was removed: what is written there is lost
-    return Err(failure("write", path_of(segments_.rbegin()->first), ENOENT));
+  const auto failed = [this](const SegmentError& error) {
+    gone_ = gone_ || error.is_missing;
+    return Err(FileError{error.message});
+  };
+  if (const auto open = files_->check_open(); !open) return failed(open.error());
+  const bool fits =
+      !segments_.empty() && segments_.rbegin()->second.octets + pending_.size() <= config_.segment_octets;
+  if (files_->is_open() && fits) return {};
+  if (fits && segments_.rbegin()->second.octets >= segment_header_octets) {
+    const auto opened = files_->open(segments_.rbegin()->first);
+    return opened ? Result<void, FileError>() : failed(opened.error());
   }
-  if (!segments_.empty() && !file_) {
-    const std::uint32_t number = segments_.rbegin()->first;
-    if (segments_.rbegin()->second.octets + pending_.size() <= config_.segment_octets &&
-        segments_.rbegin()->second.octets >= segment_header_octets) {
-      file_ = Fd(::open(path_of(number).c_str(), O_WRONLY | O_CLOEXEC));
-      if (!file_) {
-        gone_ = errno == ENOENT;
-        return Err(failure("open", path_of(number), errno));
-      }
-      return {};
-    }
-  }
-  if (file_ && segments_.rbegin()->second.octets + pending_.size() <= config_.segment_octets) return {};
   // The whole segment is counted from its start, so the quota holds while it fills.
   keep_quota(std::max(config_.segment_octets, segment_header_octets + pending_.size()));
   const std::uint32_t number = segments_.empty() ? 0 : segments_.rbegin()->first + 1;
-  file_ = Fd(::open(path_of(number).c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0644));
-  if (!file_) {
-    gone_ = errno == ENOENT;
-    return Err(failure("create", path_of(number), errno));
-  }
   const Octets header = segment_header(number);
-  if (pwrite(file_.get(), header.data(), header.size(), 0) != static_cast<ssize_t>(header.size())) {
-    const int error = errno;
-    file_.reset();
-    unlink(path_of(number).c_str());
-    return Err(failure("write", path_of(number), error));
-  }
-  sync_folder(config_.folder);
+  if (const auto created = files_->create(number, header); !created) return failed(created.error());
   segments_[number].octets = segment_header_octets;
   counters_.written_octets += header.size();
   return {};
@@ -204,19 +158,8 @@ Result<void, FileError> PacketStore::start_segment() {
 Result<void, FileError> PacketStore::write_pending() {
   if (auto started = start_segment(); !started) return started;
   auto& [number, segment] = *segments_.rbegin();
-  std::size_t done = 0;
-  while (done < pending_.size()) {
-    const ssize_t n = pwrite(file_.get(), pending_.data() + done, pending_.size() - done,
-                             static_cast<off_t>(segment.octets + done));
-    if (n < 0 && errno == EINTR) continue;
-    if (n <= 0) {
-      const int error = n == 0 ? ENOSPC : errno;
-      // half a record must not stay
-      [[maybe_unused]] const int ignored = ftruncate(file_.get(), static_cast<off_t>(segment.octets));
-      return Err(failure("write", path_of(number), error));
-    }
-    done += static_cast<std::size_t>(n);
-  }
+  if (const auto written = files_->write(segment.octets, pending_); !written)
+    return Err(FileError{written.error().message});
   segment.octets += pending_.size();
   segment.records += pending_index_.records;
   segment.end_sequence = std::max(segment.end_sequence, pending_index_.end_sequence);
@@ -248,17 +191,16 @@ void PacketStore::keep_quota(std::size_t coming_octets) {
 }
 
 void PacketStore::delete_segment(std::uint32_t number) {
-  (void)unlink(path_of(number).c_str());
+  files_->remove(number);
   if (cached_number_ == number) cached_number_.reset();
   segments_.erase(number);
 }
 
 const Octets* PacketStore::content_of(std::uint32_t number) {
   if (cached_number_ != number) {
-    const auto content = read_file(path_of(number), 2 * config_.segment_octets + config_.pending_octets);
+    auto content = files_->read(number, longest_file());
     if (!content) return nullptr;
-    const OctetView octets = as_octets(*content);
-    cached_.assign(octets.begin(), octets.end());
+    cached_ = std::move(*content);
     cached_number_ = number;
   }
   return &cached_;
@@ -283,8 +225,7 @@ RetrievedPackets PacketStore::read(const RetrievalRange& range, RetrievalCursor 
     if (data == nullptr) {
       ++counters_.unreadable;
       out.damaged = true;
-      std::error_code ec;
-      gone_ = gone_ || !std::filesystem::exists(path_of(segment->first), ec);
+      gone_ = gone_ || !files_->exists(segment->first);
       continue;
     }
     offset = std::max(offset, segment_header_octets);

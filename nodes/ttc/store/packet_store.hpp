@@ -5,14 +5,14 @@
 #include <cstdint>
 #include <filesystem>
 #include <map>
+#include <memory>
 #include <optional>
-#include <string>
 #include <vector>
 
-#include "base/fd.hpp"
 #include "base/file.hpp"
 #include "base/octets.hpp"
 #include "base/result.hpp"
+#include "nodes/ttc/store/segment_files.hpp"
 #include "nodes/ttc/store/store_record.hpp"
 
 namespace srfs {
@@ -75,12 +75,17 @@ struct PacketStoreStatus {
   PacketStoreCounters counters{};
 };
 
-/// Append-only log of finished telemetry packets in segment files `<folder>/<number, 8 hex digits>.seg`.
-/// Every call may block on the disk: it lives on a worker thread, alone. A disk that is missing, full or
-/// failing loses packets (counted) and is tried again at every commit; nothing throws.
+/// Append-only log of finished telemetry packets in segment files. Every call may block on the disk: it lives
+/// on a worker thread, alone. A disk that is missing, full or failing loses packets (counted) and is tried
+/// again at every commit; nothing throws.
 class PacketStore {
  public:
-  explicit PacketStore(PacketStoreConfig config) : config_(std::move(config)) {}
+  /// @param config  its folder is used
+  explicit PacketStore(PacketStoreConfig config)
+      : config_(std::move(config)), files_(std::make_unique<PosixSegmentFiles>(config_.folder)) {}
+  /// @param config  its folder is not used
+  PacketStore(PacketStoreConfig config, std::unique_ptr<SegmentFiles> files)
+      : config_(std::move(config)), files_(std::move(files)) {}
 
   /// Reads what is there: cuts an incomplete tail of the last segment, skips and counts damage elsewhere. A
   /// segment that cannot be read is counted and kept, and the next one gets a new number.
@@ -118,19 +123,18 @@ class PacketStore {
   };
 
   [[nodiscard]] std::size_t octets() const;
-  [[nodiscard]] std::filesystem::path path_of(std::uint32_t number) const;
   Result<void, FileError> recover(std::uint32_t number, bool last);
   Result<void, FileError> start_segment();
   Result<void, FileError> write_pending();
   void keep_quota(std::size_t coming_octets);
   void delete_segment(std::uint32_t number);
   [[nodiscard]] const Octets* content_of(std::uint32_t number);
-  [[nodiscard]] FileError failure(const char* what, const std::filesystem::path& path, int error) const;
+  [[nodiscard]] std::size_t longest_file() const;
 
   PacketStoreConfig config_;
+  std::unique_ptr<SegmentFiles> files_;  // open is the last segment, or none
   PacketStoreCounters counters_;
   std::map<std::uint32_t, Segment> segments_;  // by number; the last one is written to
-  Fd file_;                                    // of the last segment
   Octets pending_;
   Segment pending_index_;
   std::uint32_t next_sequence_ = 0;

@@ -9,13 +9,17 @@
 namespace srfs {
 
 PacketStores::PacketStores(const mission::Dictionary& dictionary, std::filesystem::path folder)
-    : folder_(std::move(folder)) {
-  for (const mission::PacketStore& store : dictionary.stores()) {
-    PacketStoreConfig config;
-    config.folder = folder_ / store.name;
-    config.quota_octets = std::size_t{store.quota_mib} << 20;
-    stores_.emplace_back(store.id, PacketStore(std::move(config)));
-  }
+    : PacketStores(dictionary, [&folder](const mission::PacketStore& store) {
+        PacketStoreConfig config;
+        config.folder = folder / store.name;
+        config.quota_octets = std::size_t{store.quota_mib} << 20;
+        return PacketStore(std::move(config));
+      }) {
+  folder_ = std::move(folder);
+}
+
+PacketStores::PacketStores(const mission::Dictionary& dictionary, const MakeStore& make) {
+  for (const mission::PacketStore& store : dictionary.stores()) stores_.emplace_back(store.id, make(store));
 }
 
 void PacketStores::open() {

@@ -4,6 +4,7 @@
 
 #include <cstdint>
 #include <filesystem>
+#include <functional>
 #include <optional>
 #include <string>
 #include <utility>
@@ -32,6 +33,9 @@ struct PacketStoresStatus {
 class PacketStores {
  public:
   PacketStores(const mission::Dictionary& dictionary, std::filesystem::path folder);
+  /// On other disks. @param make  is called for each store of the dictionary
+  using MakeStore = std::function<PacketStore(const mission::PacketStore& store)>;
+  PacketStores(const mission::Dictionary& dictionary, const MakeStore& make);
 
   /// Recovers all stores; what fails is tried again at the next commit.
   void open();
