@@ -11,6 +11,7 @@ from pathlib import Path
 from support import BIN, TemporaryFolder
 
 from srfs import hardening, tutorial
+from srfs.flight import mission
 from srfs.flight.processes import output
 
 SOURCE = Path(__file__).resolve().parents[2]
@@ -49,29 +50,35 @@ class FindPackageTest(unittest.TestCase):
             self.assertIn("--deployment", output(build / "bin" / node, "--help"))
             self.assertEqual(hardening.faults(hardening.read(build / "bin" / node), absolute_runpath=True), [])
 
-    def test_nodes_of_the_last_release_are_moved_by_the_steps_of_the_page(self):
+    def test_nodes_and_deployments_of_the_last_release_are_moved_by_the_steps_of_the_page(self):
         page = "docs/how-to/move_a_mission.md"
         release = max(folder for folder in (SOURCE / "tests/compatibility").iterdir() if folder.is_dir())
         project = self.folder / release.name
-        shutil.copytree(release, project / "mission")
+        shutil.copytree(release, project / "mission", ignore=shutil.ignore_patterns("launch_config"))
+        shutil.copytree(release / "launch_config", project / "launch_config")
         shell = tutorial.Shell(project, {**os.environ, "SRFS": str(self.prefix)})
         self.addCleanup(shell.end)
         section = (SOURCE / page).read_text().split(f"## From {release.name}\n")[1].split("\n## ")[0]
         for step in tutorial.steps_of(page, textwrap.dedent(section.replace("\n   ", "\n"))):
-            shell.do(page, step, 60)
+            shell.do(page, step, 120)
         # Step 5, as its table says; the payload's place is no part of what is built.
         (project / "mission/payload_impact/CMakeLists.txt").write_text("srfs_add_payload(payload_impact LOGIC impact_profile.cpp)\n")
         (project / "mission/image_straylight/CMakeLists.txt").write_text(
             "srfs_add_node(image_straylight SOURCES main.cpp LOGIC straylight.cpp TEST test/test_straylight.cpp)\n")  # fmt: skip
+        (project / "mission/payload_idle/CMakeLists.txt").write_text("srfs_add_node(payload_idle SOURCES main.cpp)\n")
         (project / "CMakeLists.txt").write_text(
             "cmake_minimum_required(VERSION 3.25)\nproject(moved LANGUAGES CXX)\nfind_package(srfs REQUIRED)\nenable_testing()\n"
-            "find_package(GTest REQUIRED)\nadd_subdirectory(mission/payload_impact)\nadd_subdirectory(mission/image_straylight)\n")  # fmt: skip
+            "find_package(GTest REQUIRED)\nadd_subdirectory(mission/payload_impact)\nadd_subdirectory(mission/image_straylight)\n"
+            "add_subdirectory(mission/payload_idle)\n")  # fmt: skip
         build = self.folder / "moved_build"
         output("cmake", "-S", project, "-B", build, "-G", "Ninja", f"-DCMAKE_PREFIX_PATH={self.prefix}")
         output("cmake", "--build", build)
         self.assertIn("100% tests passed", output("ctest", "--test-dir", build))
-        for node in ("payload_impact_node", "image_straylight_node"):
+        for node in ("payload_impact_node", "image_straylight_node", "payload_idle_node"):
             self.assertIn("--deployment", output(build / "bin" / node, "--help"))
+        with mission.Mission(self.folder / "var", project / "launch_config/sim.yaml", self.prefix / "bin", print) as flight:
+            outcome = flight.ground().command("tc eps.switch_load load=2 state=off")
+            self.assertEqual((outcome or {}).get("stage"), "completed", outcome)
 
     def test_the_installed_lane_builds_against_its_own_installation(self):
         sources = self.folder / "sources"
