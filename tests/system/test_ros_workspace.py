@@ -13,13 +13,14 @@ import xml.etree.ElementTree
 from pathlib import Path
 
 from rosidl_adapter.parser import parse_action_file, parse_message_file, parse_service_file
-from support import TemporaryFolder
+from support import BIN, TemporaryFolder
 
 from srfs import ROOT
 from srfs.flight.processes import output
 
 OURS = ROOT / "msgs/srfs_msgs"
 STANDARD = ROOT / "msgs/interfaces"
+COLCON_DEADLINE_S = 1200
 NO_INTERFACES = {"ament_cmake", "rosidl_default_generators", "rosidl_default_runtime"}
 
 PACKAGE_XML = """<package format="3">
@@ -82,6 +83,22 @@ def depends_of(package):
     return {element.text for tag in ("depend", "build_depend") for element in tree.iter(tag)} - NO_INTERFACES
 
 
+def write_standard(name, package):
+    """A standard interface package of ROS 2 as a source package."""
+    shutil.copytree(STANDARD / name, package)
+    depends = sorted(packages_used_by(package))
+    (package / "package.xml").write_text(PACKAGE_XML.format(name=name, depends="".join(f"<depend>{d}</depend>" for d in depends)))
+    (package / "CMakeLists.txt").write_text(CMAKE.format(name=name, depends=" ".join(depends)))
+
+
+def write_generators(prefix):
+    """What Debian lacks: the two lists of generators."""
+    for name, text in (("rosidl_default_generators", GENERATORS), ("rosidl_default_runtime", "")):
+        config = prefix / "share" / name / "cmake" / f"{name}Config.cmake"
+        config.parent.mkdir(parents=True)
+        config.write_text(text)
+
+
 class InterfacePackageTest(unittest.TestCase):
     def test_both_files_name_the_packages_that_the_interfaces_use(self):
         used = packages_used_by(OURS)
@@ -100,10 +117,7 @@ class WorkspaceTest(unittest.TestCase):
         folder = TemporaryFolder()
         cls.addClassCleanup(folder.cleanup)
         cls.folder = Path(folder.name)
-        for name, text in (("rosidl_default_generators", GENERATORS), ("rosidl_default_runtime", "")):
-            config = cls.folder / "install/ros" / "share" / name / "cmake" / f"{name}Config.cmake"
-            config.parent.mkdir(parents=True)
-            config.write_text(text)
+        write_generators(cls.folder / "install/ros")
 
     def prefixes_of(self, package):
         """Install folders of the packages that this package names, directly and indirectly."""
@@ -120,10 +134,7 @@ class WorkspaceTest(unittest.TestCase):
         """Builds and installs the standard package once. Returns its folder."""
         package = self.folder / "src" / name
         if not package.exists():
-            shutil.copytree(STANDARD / name, package)
-            depends = sorted(packages_used_by(package))
-            (package / "package.xml").write_text(PACKAGE_XML.format(name=name, depends="".join(f"<depend>{d}</depend>" for d in depends)))
-            (package / "CMakeLists.txt").write_text(CMAKE.format(name=name, depends=" ".join(depends)))
+            write_standard(name, package)
             self.build(package)
         return package
 
@@ -155,6 +166,30 @@ class WorkspaceTest(unittest.TestCase):
         prefixes = ";".join(map(str, [installed, *self.prefixes_of(package)]))
         output("cmake", "-S", user, "-B", self.folder / "build/user", "-G", "Ninja", f"-DCMAKE_PREFIX_PATH={prefixes}", "-DPython3_EXECUTABLE=/usr/bin/python3")
         output("cmake", "--build", self.folder / "build/user")
+
+
+class ColconTest(unittest.TestCase):
+    """What `srfs new` writes, in a colcon workspace beside packages of ROS 2, with an installed SRFS."""
+
+    def test_a_node_is_built_and_tested_beside_packages_of_ros_2(self):
+        with TemporaryFolder() as folder:
+            prefix, workspace = Path(folder) / "srfs", Path(folder) / "workspace"
+            output("cmake", "--install", BIN.parent, "--prefix", prefix, "--strip")
+            (workspace / "src").mkdir(parents=True)
+            output(prefix / "bin/srfs", "new", "node", "ticker", "--in", workspace / "src")
+            write_generators(Path(folder) / "ros")
+            for name in ("builtin_interfaces", "std_msgs"):
+                write_standard(name, workspace / "src" / name)
+
+            colcon = ("env", f"CMAKE_PREFIX_PATH={prefix}:{folder}/ros", "colcon", "--log-base", Path(folder) / "log")
+            output(*colcon, "build", "--cmake-args", "-DPython3_EXECUTABLE=/usr/bin/python3", cwd=workspace, timeout_s=COLCON_DEADLINE_S)
+            output(*colcon, "test", "--return-code-on-test-failure", cwd=workspace, timeout_s=COLCON_DEADLINE_S)
+
+            installed = workspace / "install"
+            self.assertIn("--deployment", output(installed / "ticker/bin/ticker_node", "--help"))
+            self.assertTrue((installed / "std_msgs/include/std_msgs/std_msgs/msg/header.hpp").exists())
+            (log,) = (workspace / "build/ticker/Testing").rglob("LastTest_*.log")
+            self.assertEqual(log.read_text().count("Test Passed."), 1)
 
 
 if __name__ == "__main__":
