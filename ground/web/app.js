@@ -136,8 +136,9 @@ function mission_name(mission) {
 }
 
 function show_bar(model, items) {
-  const now_mode = model.mode() ?? "unknown";
-  items.mode.set(now_mode, now_mode === "nominal" ? "ok" : now_mode === "unknown" ? "stale" : "yellow");
+  const { mode, age_ms, stale } = model.mode_news();
+  const old = stale && age_ms !== null ? `, ${span_text(age_ms)} ago` : "";
+  items.mode.set(mode + old, stale ? "stale" : mode === "nominal" ? "ok" : "yellow");
   const newest = Math.min(...[...model.structures.values()].map((one) => model.age(one)), Infinity);
   if (model.connection.state !== "open") items.link.set("no server", "red");
   else if (model.line === "closed") items.link.set("line closed", "red");
@@ -145,9 +146,12 @@ function show_bar(model, items) {
   else items.link.set(newest < 3000 ? "live" : `${span_text(newest)} ago`, newest < 15000 ? "ok" : newest < 60000 ? "yellow" : "red");
   const out = model.out_of_limits();
   const red = out.filter((one) => one.limit === "red").length;
+  const of_old = out.filter((one) => one.stale).length;
+  const count = red ? `${red} red, ${out.length - red} yellow` : `${out.length} yellow`;
+  const silent = model.is_silent();
   items.limits.set(
-    out.length ? (red ? `${red} red, ${out.length - red} yellow` : `${out.length} yellow`) : "all within",
-    red ? "red" : out.length ? "yellow" : "ok",
+    out.length ? count + (of_old ? `, ${of_old} of old values` : "") : silent ? "old values alone" : "all within",
+    red ? "red" : out.length ? "yellow" : silent ? "stale" : "ok",
   );
   const open = model.events.filter((one) => !one.acknowledged && (one.severity === "medium" || one.severity === "high"));
   items.event.set(
@@ -367,9 +371,10 @@ function next_theme() {
   set_theme(themes[(themes.indexOf(localStorage.getItem("srfs.theme") ?? "system") + 1) % themes.length]);
 }
 
+const dark_system = matchMedia("(prefers-color-scheme: dark)");
 function set_theme(theme) {
   localStorage.setItem("srfs.theme", theme);
-  document.documentElement.dataset.theme = theme;
+  document.documentElement.dataset.theme = theme === "system" ? (dark_system.matches ? "dark" : "light") : theme;
   for (const drawn of document.querySelectorAll("time-plot, attitude-view")) drawn.draw();
 }
 
@@ -411,7 +416,7 @@ async function start() {
   });
   addEventListener("hashchange", on_address);
   addEventListener("keydown", on_key);
-  matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => set_theme(localStorage.getItem("srfs.theme") ?? "system"));
+  dark_system.addEventListener("change", () => set_theme(localStorage.getItem("srfs.theme") ?? "system"));
   document.querySelector(".skip").addEventListener("click", (event) => {
     event.preventDefault();
     main.focus();

@@ -215,6 +215,8 @@ export class Model {
     else if (kind === "event") this.#take_event({ ...object, id: object.id ?? (id ? Number(id) : undefined) });
     else if (kind === "tc_stage") this.#take_stage(object);
     else if (kind === "cop") {
+      if (object.problem && object.problem !== this.cop.problem)
+        this.#call("note", { message: `The AD service has ended: ${object.problem}`, problem: true });
       this.cop = object;
       this.changed("station");
     } else if (kind === "keys") {
@@ -227,8 +229,11 @@ export class Model {
       this.line = object.line;
       this.changed("station");
       this.refresh_station().catch(() => {});
-    } else if (kind === "file" || kind === "transfer") this.#take_file(object);
-    else if (type === "transfers") for (const transfer of object.transfers ?? object) this.#take_file(transfer);
+    } else if (kind === "file" || kind === "transfer") {
+      this.#take_file(object);
+      if (object.success === false)
+        this.#call("note", { message: `${object.name || object.id}: the transfer has failed (${object.condition ?? object.event})`, problem: true });
+    } else if (type === "transfers") for (const transfer of object.transfers ?? object) this.#take_file(transfer);
     else if (kind === "schedule")
       this.#later("schedule", () => this.load_schedule()); // a report may have several packets
     else if (kind === "retrieval_done")
@@ -374,7 +379,7 @@ export class Model {
   is_stale(newest) {
     const structure = this.structure_of.get(newest.name);
     if (!structure?.interval_s || is_report(structure)) return false;
-    return this.age(newest) > structure.interval_s * 2500 + 2000;
+    return this.age(newest) > overdue_ms(structure.interval_s);
   }
 
   /** The dictionary's entry of a field; that of an array for its elements ("temperature_k.battery", "setpoint_k[0]"). */
@@ -391,12 +396,35 @@ export class Model {
     for (const newest of this.structures.values())
       for (const [field, limit] of Object.entries(newest.limits))
         if (limit === "red" || limit === "yellow")
-          out.push({ name: `${newest.name}.${field}`, limit, value: newest.fields[field], unit: newest.units[field] ?? "" });
+          out.push({
+            name: `${newest.name}.${field}`,
+            limit,
+            value: newest.fields[field],
+            unit: newest.units[field] ?? "",
+            stale: this.is_stale(newest),
+          });
     return out.sort((a, b) => (a.limit === b.limit ? a.name.localeCompare(b.name) : a.limit === "red" ? -1 : 1));
   }
 
+  /** Of the newest packet that has it: {mode, age_ms, stale}. */
+  mode_news() {
+    const known = ["health", "beacon"].map((name) => this.structures.get(name)).filter((one) => one?.fields.mode !== undefined);
+    const newest = known.sort((a, b) => (a.time < b.time ? 1 : -1))[0];
+    if (!newest) return { mode: this.station.mode ?? "unknown", age_ms: null, stale: !this.station.mode };
+    const interval_s = this.structure_of.get("health")?.interval_s || 30;
+    const age_ms = this.age(newest);
+    return { mode: newest.fields.mode, age_ms, stale: age_ms > overdue_ms(interval_s) };
+  }
+
   mode() {
-    return this.field("health", "mode") ?? this.field("beacon", "mode") ?? this.station.mode;
+    const { mode } = this.mode_news();
+    return mode === "unknown" ? undefined : mode;
+  }
+
+  /** Whether there are values, and none of those that come by themselves came in time. */
+  is_silent() {
+    const regular = [...this.structures.values()].filter((one) => this.structure_of.get(one.name)?.interval_s);
+    return regular.length > 0 && regular.every((one) => this.is_stale(one) || is_report(this.structure_of.get(one.name)));
   }
 
   may_command() {
@@ -414,9 +442,10 @@ export class Model {
   refusal(telecommand) {
     const obstacle = this.obstacle();
     if (obstacle) return obstacle;
-    const mode = this.mode();
+    const { mode, stale } = this.mode_news();
     const modes = telecommand.modes ?? [];
-    if (modes.length && mode && !modes.includes(mode)) return `not allowed in mode ${mode} (only ${modes.join(", ")})`;
+    if (modes.length && mode !== "unknown" && !modes.includes(mode))
+      return `not allowed in mode ${mode}${stale ? ", the last one known" : ""} (only ${modes.join(", ")})`;
     const state = this.field("beacon", `node_state.${telecommand.node}`);
     if (state === "absent") return `${telecommand.node} is absent: no process of it was heard`;
     if (state && state !== "active" && telecommand.service === 8) return `${telecommand.node} is ${state}`;
@@ -427,6 +456,10 @@ export class Model {
     const sorted = [...this.latencies].sort((a, b) => a - b);
     return sorted.length ? sorted[Math.min(sorted.length - 1, Math.floor(sorted.length * part))] : null;
   }
+}
+
+function overdue_ms(interval_s) {
+  return interval_s * 2500 + 2000;
 }
 
 function is_report(structure) {

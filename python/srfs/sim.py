@@ -61,7 +61,7 @@ def served_page(flight, port):
     if port is None:
         yield "\n  operator's page  ./run sim --web"
         return
-    server = GroundServer(flight.bin_dir, flight.var, flight.deployment, port, flight.var / "log" / "serve.log")
+    server = GroundServer(flight.bin_dir, flight.var, flight.deployment, f"127.0.0.1:{port}", flight.var / "log" / "serve.log")
     try:
         yield f"\n  operator's page  {server.url}"
     finally:

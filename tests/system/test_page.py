@@ -15,7 +15,7 @@ from support import BIN, DEADLINE_S, ROOT, SystemTest
 from srfs.flight.processes import send_signal
 from srfs.flight.serving import GroundServer
 from srfs.web.browser import browser, missing, wait_for
-from srfs.web.double import Double, Server, iso
+from srfs.web.double import Double, Server, iso, own_address
 
 PAGE = ROOT / "ground" / "web"
 PAGE_OCTETS_MAX = 300 * 1024
@@ -79,7 +79,7 @@ def event(text, sequence, name="test.event", severity="high"):
 
 
 class OneBrowser:
-    """A browser for all tests of a class: each serves its page at a port of its own, which is another site for the browser."""
+    """A browser for all tests of a class: each serves its page at an address of its own, which is another site for the browser."""
 
     @classmethod
     def setUpClass(cls):
@@ -188,17 +188,46 @@ class PageTest(OneBrowser, unittest.TestCase):
         self.page.open("events")
         self.double.put("event", event("before", 1))
         self.page.wait_for_text("table.events td.text", "before")
-        port = self.server.server_address[1]
+        address = self.server.server_address
         self.server.__exit__()
         self.page.wait("return !document.getElementById('banner').hidden", "the banner")
         self.double.put("event", event("meanwhile", 2))
-        self.server = Server(self.double, port)
+        self.server = Server(self.double, address)
         self.page.wait_for_text("table.events td.text", "meanwhile")
         self.page.wait("return document.getElementById('banner').hidden", "the banner goes")
         self.double.put("event", event("after", 3))
         self.page.wait_for_text("table.events td.text", "after")
         texts = self.page.text("table.events td.text").split("\n")
         self.assertEqual(sorted(texts), ["after", "before", "meanwhile"], "each once")
+
+    def test_old_values_have_their_age_at_the_top(self):
+        received = time.time() - 600
+        self.double.put("tm_packet", packet("health", {"mode": "safe"}), now=received)
+        self.double.put("tm_packet", packet("timing", {"offset_us": 1.0}, limits={"offset_us": "red"}), now=received)
+        self.page.open("overview")
+        self.page.wait_for_text("#bar .mode", "safe, 10 min")
+        self.page.wait_for_text("#bar .limits", "1 of old values")
+        self.double.put("tm_packet", packet("health", {"mode": "nominal"}, sequence=3))
+        self.page.wait("return document.querySelector('#bar .mode .value').innerText === 'nominal'", "a fresh value has no age")
+
+    def test_a_refused_order_of_keys_cop1_or_a_transfer_is_shown(self):
+        self.page.open("link")
+        self.double.put("file", {"type": "file", "id": "2:1", "name": "a.bin", "direction": "down", "octets": 10, "progress": 3, "event": "progress", "state": "under way"})
+        self.double.refusals = {"keys": (409, {"error": "keys: the disk is full"}), "cop": (503, {"error": "cop: the line is closed"}), "transfers/2%3A1": (409, {"error": "transfer: no server"})}
+        button = "return [...document.querySelectorAll('main button')].some((b) => b.innerText.includes(arguments[0]) && !b.disabled && (b.click(), true))"
+        self.page.wait(button, "keys", "Ground: set b")
+        self.page.wait("return document.querySelector('dialog[open] button.primary') !== null", "the question")
+        self.page.click("dialog[open] button.primary")
+        self.page.wait_for_text("#toasts", "keys: the disk is full")
+        self.page.wait(button, "AD off", "AD off")
+        self.page.wait_for_text("#toasts", "cop: the line is closed")
+        self.page.go("files")
+        self.page.wait(button, "the transfer", "Cancel")
+        self.page.wait_for_text("#toasts", "transfer: no server")
+        self.double.put("file", {"type": "file", "id": "2:1", "name": "a.bin", "direction": "down", "octets": 10, "progress": 3, "event": "finished", "state": "ended", "success": False, "condition": "cancel received"})
+        self.page.wait_for_text("#toasts", "a.bin: the transfer has failed (cancel received)")
+        self.double.put("cop", {"type": "cop", "service": "off", "state": "initial", "problem": "T1 ended too often", "clcw": None})
+        self.page.wait_for_text("#toasts", "The AD service has ended: T1 ended too often")
 
     def test_a_page_that_may_only_observe_offers_no_order(self):
         self.double.access = "observe"
@@ -289,7 +318,7 @@ class PageFlightTest(OneBrowser, SystemTest):
         needs_browser(self)
         with self.flight() as flight:
             log = self.var / "log" / "serve.log"
-            self.server = GroundServer(BIN, self.var, flight.deployment, 0, log)
+            self.server = GroundServer(BIN, self.var, flight.deployment, f"{own_address()}:0", log)
             try:
                 page = Page(self.driver, self.server.url)
                 page.open()
@@ -421,13 +450,13 @@ class PageFlightTest(OneBrowser, SystemTest):
         with self.operated_flight() as (flight, page):
             page.run("window.kept = true; window.seen = []; srfs.model.on('packet', (p) => window.seen.push([p.apid, p.sequence, p.vc]))")
             page.wait("return window.seen.length > 20", "packets")
-            port = int(self.server.url.split("/#")[0].rpartition(":")[2])
+            address = self.server.url.split("/#")[0].removeprefix("http://")
             send_signal(self.server.process.pid, signal.SIGKILL)
             self.server.process.wait()
             page.wait("return !document.getElementById('banner').hidden", "the banner")
             had = page.run("return window.seen.length")
             self.server.stop()
-            self.server = GroundServer(BIN, self.var, flight.deployment, port, self.var / "log" / "serve.log")
+            self.server = GroundServer(BIN, self.var, flight.deployment, address, self.var / "log" / "serve.log")
             page.wait("return document.getElementById('banner').hidden && window.seen.length > arguments[0] + 20", "packets again", had)
             self.assertTrue(page.run("return window.kept"), "no reload")
             newest = self.api("latest")[1]["id"]

@@ -60,9 +60,10 @@ function health_panel(context, options) {
   const rows = new Rows();
   follow(context, ["values", "second"], () => {
     const field = (name) => model.field("health", name);
-    const now = model.mode() ?? "unknown";
-    mode.replaceChildren(shape(now === "nominal" ? "ok" : now === "unknown" ? "stale" : "yellow"), h("span", {}, now));
-    set_class(mode, "yellow", now !== "nominal" && now !== "unknown");
+    const { mode: now, age_ms, stale } = model.mode_news();
+    const old = stale && age_ms !== null ? `, ${span_text(age_ms)} ago` : "";
+    mode.replaceChildren(shape(stale ? "stale" : now === "nominal" ? "ok" : "yellow"), h("span", {}, now + old));
+    set_class(mode, "yellow", now !== "nominal" && !stale);
     set_text(
       why,
       [field("reason") ?? model.field("beacon", "mode_reason"), field("since") ? `since ${time_text(field("since"))}` : ""]

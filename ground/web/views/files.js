@@ -7,6 +7,7 @@ import { octets_text, time_text, value_text } from "../format.js";
 import { download } from "../parts/panels.js";
 
 export const title = "Files";
+const rows_max = 300;
 const picture_name = /\.(png|jpe?g|fits|strips)$/i;
 
 export function show(main, context) {
@@ -161,7 +162,7 @@ function show_transfers(context, element) {
 
 function show_files(context, body, files) {
   body.replaceChildren(
-    ...files.slice(0, 300).map((file) =>
+    ...files.slice(0, rows_max).map((file) =>
       h(
         "tr",
         {},
@@ -189,6 +190,8 @@ function show_files(context, body, files) {
       ),
     ),
   );
+  if (files.length > rows_max)
+    body.append(h("tr", {}, h("td.hint", { colspan: 5 }, `The newest ${rows_max} of ${files.length} files; all are in STATE/files.`)));
   if (!files.length) body.replaceChildren(h("tr", {}, h("td", { colspan: 5 }, "Nothing was received yet.")));
 }
 

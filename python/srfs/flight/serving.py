@@ -15,9 +15,9 @@ from srfs.program import MissionError
 class GroundServer:
     """Owns the line of a flight until stop(). `url` opens the page with the token that commands."""
 
-    def __init__(self, bin_dir, var, deployment, port=0, log_path=None):
+    def __init__(self, bin_dir, var, deployment, address="127.0.0.1:0", log_path=None):
         log = open(log_path, "ab") if log_path else subprocess.DEVNULL
-        command = [str(bin_dir / "srfs-ground"), "--port", str(var / "rs422"), "--deployment", str(deployment), "serve", "--web", f"127.0.0.1:{port}"]
+        command = [str(bin_dir / "srfs-ground"), "--port", str(var / "rs422"), "--deployment", str(deployment), "serve", "--web", address]
         self.process = subprocess.Popen(command, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=log, start_new_session=True, text=True)
         if log_path:
             log.close()

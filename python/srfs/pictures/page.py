@@ -21,7 +21,7 @@ def make(bin_dir, folder, out):
     """Flies, takes a picture of the sky, and pictures of four views."""
     var = folder / "var"
     with mission.Mission(var, "sim", bin_dir) as flight:
-        server = GroundServer(bin_dir, var, flight.deployment, 0, var / "log" / "serve.log")
+        server = GroundServer(bin_dir, var, flight.deployment, "127.0.0.1:0", var / "log" / "serve.log")
         try:
             with browser(WIDTH, HEIGHT) as driver:
                 photograph(driver, server.url, out)

@@ -83,7 +83,7 @@ def main():
     options = parse()
     double, ended = Double(), threading.Event()
     speed = options.speed if options.speed != 1 or options.action == "play" else 20.0
-    with Server(double, options.port if options.action == "play" else 0) as server:
+    with Server(double, ("127.0.0.1", options.port) if options.action == "play" else None) as server:
         threading.Thread(target=double.play, args=(options.record, speed, ended), daemon=True).start()
         try:
             if options.action == "measure":

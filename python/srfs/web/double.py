@@ -3,8 +3,11 @@
 """A double of the HTTP API of `srfs-ground serve` for the page alone: it plays a record of the stream, at any speed, and takes what a test
 puts in. It encodes nothing: what the API does is tested with the real server."""
 
+import functools
 import http.server
+import itertools
 import json
+import os
 import pathlib
 import threading
 import time
@@ -58,8 +61,9 @@ def laid_out(dictionary, fields):
             yield field
 
 
+@functools.cache  # reading it takes longer than a test
 def dictionary_json():
-    """The dictionary of the mission as GET /api/v1/dictionary has it."""
+    """The dictionary of the mission as GET /api/v1/dictionary has it; not to be changed."""
     dictionary = Dictionary(ROOT / "mission")
     enums = dictionary.enums
     telecommands = [{"name": c["name"], "description": c["description"], "node": c["node"], "apid": dictionary.apid_of[c["node"]],
@@ -83,6 +87,9 @@ class Double:
         self.stream, self.next_id = [], 1
         self.values, self.history, self.events, self.commands, self.gaps, self.passes = {}, {}, [], [], [], []
         self.posted = []
+        self.refusals = {}  # path -> (status, answer) of the next order to it
+        self.answered = {}  # Idempotency-Key -> (status, answer)
+        self.answers_lost = 0  # the next so many orders are carried out, and get no answer
         self.station = {"line": "open", "locked": True, "mode": "nominal"}
         self.access = "command"  # of the token
 
@@ -102,12 +109,14 @@ class Double:
                     points = self.history.setdefault(f"{item['structure']}.{name}", [])
                     points.append({"time": item["time"], "value": value})
                     del points[:-4000]
-            self.stream.append((number, kind, item))
+            self.stream.append((number, kind, item, iso(now)))
             del self.stream[:-KEPT]
             self.changed.notify_all()
 
     def answer_post(self, path, query, body):
         self.posted.append((path, body))
+        if path in self.refusals:
+            return self.refusals.pop(path)
         if self.access == "observe":
             return 403, {"error": "this token may only observe"}
         if path == "telecommands":
@@ -190,7 +199,14 @@ class Handler(http.server.BaseHTTPRequestHandler):
     def do_POST(self):
         url = urllib.parse.urlsplit(self.path)
         body = self.rfile.read(int(self.headers.get("Content-Length", 0)))
-        self._answer(*self.server.double.answer_post(url.path.removeprefix("/api/v1/"), urllib.parse.parse_qs(url.query), body))
+        double, key = self.server.double, self.headers.get("Idempotency-Key", object())
+        if key not in double.answered:
+            double.answered[key] = double.answer_post(url.path.removeprefix("/api/v1/"), urllib.parse.parse_qs(url.query), body)
+        if double.answers_lost:
+            double.answers_lost -= 1
+            self.close_connection = True
+            return
+        self._answer(*double.answered[key])
 
     def _stream(self, query):
         double = self.server.double
@@ -200,7 +216,7 @@ class Handler(http.server.BaseHTTPRequestHandler):
         after = self.headers.get("Last-Event-ID") or query.get("after", [None])[0]
         with double.changed:
             at = next((i for i, (number, *_) in enumerate(double.stream) if after is not None and number and number > int(after)), len(double.stream))
-            seen = double.stream[at:]
+            seen = [(number, kind, {**item, "received": received}) for number, kind, item, received in double.stream[at:]]
             last = double.stream[-1] if double.stream else None
         self._write(seen)
         try:
@@ -216,20 +232,27 @@ class Handler(http.server.BaseHTTPRequestHandler):
         self.close_connection = True
 
     def _write(self, items):
-        text = "".join((f"id: {number}\n" if number else "") + f"event: {kind}\ndata: {json.dumps(item)}\n\n" for number, kind, item in items)
+        text = "".join((f"id: {number}\n" if number else "") + f"event: {kind}\ndata: {json.dumps(item)}\n\n" for number, kind, item, *_ in items)
         if text:
             self.wfile.write(text.encode())
             self.wfile.flush()
 
 
+def own_address(numbers=itertools.count(1)):
+    """An address of the loopback network that no other server of this machine has: a browser keeps nothing of another site, and its port stays free while
+    it is down."""
+    pid, number = os.getpid(), next(numbers)
+    return f"127.{1 + pid // 250 % 250}.{1 + pid % 250}.{1 + number % 250}"
+
+
 class Server(http.server.ThreadingHTTPServer):
     daemon_threads = True
 
-    def __init__(self, double, port=0):
-        super().__init__(("127.0.0.1", port), Handler)
+    def __init__(self, double, address=None):
+        super().__init__(address or (own_address(), 0), Handler)
         self.double, self.ended = double, threading.Event()
-        self.url = f"http://127.0.0.1:{self.server_address[1]}/"
-        threading.Thread(target=self.serve_forever, daemon=True).start()
+        self.url = f"http://{self.server_address[0]}:{self.server_address[1]}/"
+        threading.Thread(target=self.serve_forever, args=(0.02,), daemon=True).start()  # shutdown() waits so long
 
     def __enter__(self):
         return self
