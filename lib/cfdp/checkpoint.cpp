@@ -198,7 +198,7 @@ ReceiveState read_receiver(Reader& in) {
   r.header = read_header(in);
   const std::uint8_t has = in.up_to(7);
   if ((has & 1U) != 0) {
-    r.file.emplace();
+    r.file = ReceiveState::FileInfo{};
     r.file->source_file = in.text();
     r.file->destination_file = in.text();
     r.file->octets = in.u64();
@@ -206,7 +206,7 @@ ReceiveState read_receiver(Reader& in) {
     if ((has & 2U) != 0) r.file->sha256 = in.sha256();
   }
   if ((has & 4U) != 0) {
-    r.eof.emplace();
+    r.eof = ReceiveState::End{};
     r.eof->checksum = in.u32();
     r.eof->octets = in.u64();
   }
