@@ -190,6 +190,44 @@ Octets Writer::end_chunk() {
   return out;
 }
 
+void Writer::append_statistics(Octets& out) const {
+  append_record(out, Opcode::statistics, [&](FieldWriter& f) {
+    f.u64(message_count_);
+    f.u16(static_cast<std::uint16_t>(schemas_.size()));
+    f.u32(static_cast<std::uint32_t>(channels_.size()));
+    f.u32(0);  // attachments
+    f.u32(0);  // metadata
+    f.u32(static_cast<std::uint32_t>(chunks_.size()));
+    f.u64(times_.first);
+    f.u64(times_.last);
+    append_sized(out, [&](FieldWriter& map) {
+      for (const auto& [channel, count] : counts_) {
+        map.u16(channel);
+        map.u64(count);
+      }
+    });
+  });
+}
+
+void Writer::append_chunk_index(Octets& out, const ChunkIndex& chunk) {
+  append_record(out, Opcode::chunk_index, [&](FieldWriter& f) {
+    f.u64(chunk.times.first);
+    f.u64(chunk.times.last);
+    f.u64(chunk.offset);
+    f.u64(chunk.length);
+    append_sized(out, [&](FieldWriter& map) {
+      for (const auto& [channel, offset] : chunk.message_index_offsets) {
+        map.u16(channel);
+        map.u64(offset);
+      }
+    });
+    f.u64(chunk.message_index_length);
+    f.string(chunk.compression);
+    f.u64(chunk.compressed);
+    f.u64(chunk.uncompressed);
+  });
+}
+
 Octets Writer::summary(std::uint64_t begin) const {
   struct Group {
     Opcode opcode;
@@ -211,43 +249,9 @@ Octets Writer::summary(std::uint64_t begin) const {
     for (std::size_t i = 0; i < channels_.size(); ++i)
       append_channel(out, static_cast<std::uint16_t>(i), channels_[i]);
   });
-  group(Opcode::statistics, [&] {
-    append_record(out, Opcode::statistics, [&](FieldWriter& f) {
-      f.u64(message_count_);
-      f.u16(static_cast<std::uint16_t>(schemas_.size()));
-      f.u32(static_cast<std::uint32_t>(channels_.size()));
-      f.u32(0);  // attachments
-      f.u32(0);  // metadata
-      f.u32(static_cast<std::uint32_t>(chunks_.size()));
-      f.u64(times_.first);
-      f.u64(times_.last);
-      append_sized(out, [&](FieldWriter& map) {
-        for (const auto& [channel, count] : counts_) {
-          map.u16(channel);
-          map.u64(count);
-        }
-      });
-    });
-  });
+  group(Opcode::statistics, [&] { append_statistics(out); });
   group(Opcode::chunk_index, [&] {
-    for (const ChunkIndex& chunk : chunks_) {
-      append_record(out, Opcode::chunk_index, [&](FieldWriter& f) {
-        f.u64(chunk.times.first);
-        f.u64(chunk.times.last);
-        f.u64(chunk.offset);
-        f.u64(chunk.length);
-        append_sized(out, [&](FieldWriter& map) {
-          for (const auto& [channel, offset] : chunk.message_index_offsets) {
-            map.u16(channel);
-            map.u64(offset);
-          }
-        });
-        f.u64(chunk.message_index_length);
-        f.string(chunk.compression);
-        f.u64(chunk.compressed);
-        f.u64(chunk.uncompressed);
-      });
-    }
+    for (const ChunkIndex& chunk : chunks_) append_chunk_index(out, chunk);
   });
   const std::uint64_t offsets_at = begin + out.size();
   for (const Group& g : groups) {

@@ -60,6 +60,8 @@ class Writer {
     std::uint64_t compressed;
     std::uint64_t uncompressed;
   };
+  void append_statistics(Octets& out) const;
+  static void append_chunk_index(Octets& out, const ChunkIndex& chunk);
   [[nodiscard]] Octets summary(std::uint64_t begin) const;
 
   std::uint64_t size_ = 0;
