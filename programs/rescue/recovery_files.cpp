@@ -96,7 +96,8 @@ bool stays(const fs::path& below_state) {
                                             "key_selection",  "transmitter"};
   const auto node = below_state.begin()->string();
   const auto name = below_state.filename().string();
-  if (node == "boot" || node == "ring" || name.starts_with("incarnation")) return true;
+  if (node == "boot" || name.starts_with("incarnation")) return true;
+  if (node == "ring") return name.starts_with("faults.log");
   if (node != "ttc") return false;
   return of_ttc.contains(name) || name.starts_with("key_selection");
 }

@@ -98,6 +98,7 @@ TEST_F(RecoveryFilesTest, TheStateIsSetAsideWithoutCountersAndKeys) {
        {"telecommands.0", "link_state", "key_selection.a", "frame_counts", "transmitter", "mode", "stores"})
     put(std::string("var/state/ttc/") + name, name);
   put("var/state/ring/faults.log", "ledger");
+  put("var/state/ring/membership", "without maintenance");
   put("var/state/boot/record_a", "boot");
   put("var/state/timing/incarnation", "7");
 
@@ -108,6 +109,7 @@ TEST_F(RecoveryFilesTest, TheStateIsSetAsideWithoutCountersAndKeys) {
     EXPECT_TRUE(exists(std::string("var/state/") + name)) << name;
   EXPECT_FALSE(exists("var/state/ttc/mode")) << "without it ttc starts in safe mode";
   EXPECT_FALSE(exists("var/state/ttc/stores"));
+  EXPECT_FALSE(exists("var/state/ring/membership"));
 }
 
 TEST_F(RecoveryFilesTest, GoldenIsOneStepForAllAndMayBeCutAnywhere) {
