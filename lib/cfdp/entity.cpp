@@ -56,7 +56,9 @@ Result<void, CheckpointError> Entity::restore(OctetView checkpoint, MonotonicTim
   }
   files.discard_temporaries_except(received);
   if (!state) return Err(state.error());
-  next_sequence_ = sequences_reserved_ = state->next_sequence;
+  // While the disk failed numbers beyond those of the checkpoint may have been used: the peer would take a
+  // new file for one that it has.
+  next_sequence_ = sequences_reserved_ = std::max(next_sequence_, state->next_sequence);
   for (const Ended& e : state->history) {
     if (history_.size() == settings.history_max) history_.pop_front();
     history_.push_back(e);

@@ -737,5 +737,19 @@ TEST_F(CfdpTransfer, AReceiverTooFarBehindIsAFaultWhenThatIsWatched) {
   EXPECT_THAT(faults(ground), ElementsAre(CfdpCondition::keep_alive_limit));
 }
 
+TEST(CfdpRestart, NoNumberIsUsedTwiceAlsoWhereTheCheckpointIsOlderThanTheLastFile) {
+  MemoryFileStore store;
+  store.add("one", Octets(10));
+  Entity before(Settings{}, store, 100);
+  ASSERT_TRUE(before.put("one", "one"));
+  const Octets checkpoint = store.checkpoint;
+
+  Entity after(Settings{}, store, 5000);  // the disk failed meanwhile
+  ASSERT_TRUE(after.restore(checkpoint, MonotonicTime(seconds(1))));
+  const auto id = after.put("one", "again");
+  ASSERT_TRUE(id);
+  EXPECT_GE(id->sequence, 5000U);
+}
+
 }  // namespace
 }  // namespace srfs::cfdp

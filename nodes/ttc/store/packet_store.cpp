@@ -145,6 +145,14 @@ Result<void, FileError> PacketStore::start_segment() {
     const auto opened = files_->open(segments_.rbegin()->first);
     return opened ? Result<void, FileError>() : failed(opened.error());
   }
+  // What a retrieval had written is not synced yet, and the next sync is that of the new file.
+  if (unsynced_ && !segments_.empty()) {
+    if (!files_->is_open()) {
+      if (const auto opened = files_->open(segments_.rbegin()->first); !opened) return failed(opened.error());
+    }
+    if (const auto synced = files_->sync(); !synced) return failed(synced.error());
+    unsynced_ = false;
+  }
   // The whole segment is counted from its start, so the quota holds while it fills.
   keep_quota(std::max(config_.segment_octets, segment_header_octets + pending_.size()));
   const std::uint32_t number = segments_.empty() ? 0 : segments_.rbegin()->first + 1;
