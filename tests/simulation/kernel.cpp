@@ -80,6 +80,7 @@ void Kernel::run_until(MonotonicTime end) {
     slab_[entry.place] = nullptr;
     free_.push_back(entry.place);
     event();
+    if (reported_) throw Violation(*std::exchange(reported_, std::nullopt));
   }
   now_ = end;
 }

@@ -12,6 +12,7 @@
 #include <vector>
 
 #include "base/time.hpp"
+#include "tests/simulation/coverage.hpp"
 
 namespace srfs::simulation {
 
@@ -86,9 +87,14 @@ class Kernel {
   /// Until no event before @p end is left; then it is @p end.
   void run_until(MonotonicTime end);
 
+  /// An invariant does not hold, seen where nothing may be thrown: it is thrown behind the event.
+  void report(const Violation& violation) {
+    if (!reported_) reported_ = violation;
+  }
   void trace(Lane from, Lane to, const char* what, std::uint64_t a = 0, std::uint64_t b = 0);
   /// All steps go there, too.
   void set_trace_file(std::FILE* file) { file_ = file; }
+  [[nodiscard]] Coverage& coverage() { return coverage_; }
   [[nodiscard]] std::uint64_t hash() const { return hash_; }
   [[nodiscard]] std::uint64_t steps() const { return step_count_; }
   [[nodiscard]] std::uint64_t events() const { return event_count_; }
@@ -111,6 +117,8 @@ class Kernel {
   std::vector<Event> slab_;
   std::vector<std::uint32_t> free_;
   std::uint64_t event_count_ = 0;
+  std::optional<Violation> reported_;
+  Coverage coverage_;
   std::array<Step, remembered_steps> last_{};
   std::uint64_t step_count_ = 0;
   std::uint64_t hash_ = 0xCBF29CE484222325;  // FNV-1a

@@ -9,6 +9,7 @@
 #include <fmt/format.h>
 #include <CLI/CLI.hpp>
 
+#include "base/file.hpp"
 #include "tests/simulation/run.hpp"
 
 namespace {
@@ -26,8 +27,10 @@ struct Options {
   std::string shard = "1/1";
   std::string faults = "swarm";
   std::string trace;
+  std::string plot;
   double stop_at_s = 0;
   bool shrink = true;
+  bool coverage = false;
 };
 
 std::optional<std::pair<std::uint64_t, std::uint64_t>> two_numbers(const std::string& text,
@@ -56,20 +59,30 @@ void print_violation(const RunSettings& settings, const RunOutcome& outcome, boo
              static_cast<double>(settings.duration.count()) / 86400e9, to_text(fewest));
 }
 
-bool fly(const RunSettings& settings, bool with_shrink) {
+/// @return whether it was written
+bool write_plot(const std::string& file, const std::string& svg) {
+  const auto written = write_file_atomically(file, svg);
+  if (!written) fmt::print(stderr, "srfs-simulate: {}\n", written.error().message);
+  return written.has_value();
+}
+
+bool fly(const RunSettings& settings, bool with_shrink, TransitionCounts& transitions) {
   const std::clock_t begun = std::clock();  // time of the CPU: other programs do not count
   const RunOutcome outcome = run(settings);
   const double took = static_cast<double>(std::clock() - begun) / CLOCKS_PER_SEC;
   const double simulated = static_cast<double>(outcome.at.count()) / 1e9;
   fmt::print(
       "seed {:>6}  {:016x}  {:>9.0f} s in {:>7.2f} s ({:>5.0f}x)  {:>8} slots  {:>5} telecommands  {:>5} "
-      "completed  {:>5} starts  {:>3} boots  "
+      "completed  {:>4} released  {:>6} stored  {:>3} retrieved  {:>3} files  {:>2} installed  {:>5} starts  "
+      "{:>3} boots  "
       "{:>5} faults  {}\n",
       settings.seed, outcome.hash, simulated, took, simulated / took, outcome.slots, outcome.telecommands,
-      outcome.completed, outcome.starts, outcome.boots, outcome.faults,
+      outcome.completed, outcome.released, outcome.stored, outcome.retrieved, outcome.files,
+      outcome.installed, outcome.starts, outcome.boots, outcome.faults,
       outcome.violation ? "VIOLATION" : "ok");
   if (outcome.violation) print_violation(settings, outcome, with_shrink);
   std::fflush(stdout);
+  add(transitions, outcome.transitions);
   return !outcome.violation;
 }
 
@@ -104,13 +117,18 @@ int simulate(const Options& options) {
     return misused;
   }
   settings.trace = trace.get();
+  std::string svg;
+  if (!options.plot.empty()) settings.plot = &svg;
   bool all_well = true;
+  TransitionCounts transitions{};
   for (std::uint64_t seed = seeds->first; seed <= seeds->second; ++seed) {
     if ((seed - seeds->first) % shard->second != shard->first - 1) continue;
     settings.seed = seed;
     settings.faults = options.faults == "swarm" ? swarm_of(seed) : *chosen;
-    all_well = fly(settings, options.shrink) && all_well;
+    all_well = fly(settings, options.shrink, transitions) && all_well;
   }
+  if (!options.plot.empty() && !svg.empty() && !write_plot(options.plot, svg)) return misused;
+  if (options.coverage) fmt::print("\n{}", report(transitions));
   return all_well ? 0 : violated;
 }
 
@@ -135,6 +153,9 @@ int main(int argc, char** argv) {
   app.add_option("--trace", options.trace, "file for all steps");
   app.add_option("--stop-at", options.stop_at_s,
                  "seconds of virtual time after which a run ends, instead of --days");
+  app.add_option("--plot", options.plot,
+                 "SVG file: mode, power, temperatures, slots, faults and recoveries of the last run");
+  app.add_flag("--coverage", options.coverage, "behind the runs: which state transitions they had");
   app.add_flag("!--no-shrink", options.shrink, "a violation keeps all its faults");
   try {
     app.parse(argc, argv);

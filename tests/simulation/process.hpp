@@ -53,6 +53,10 @@ class Host {
   /// Runnable without a CPU, since its start.
   [[nodiscard]] nanoseconds waited() const;
   [[nodiscard]] bool waits_for_cpu() const { return starves_from_.has_value(); }
+  /// It waits for a CPU, and nothing else has kept it from its work in the @p before that.
+  [[nodiscard]] bool only_starves(nanoseconds before) const {
+    return starves_from_ && *starves_from_ - well_since_ > before;
+  }
   /// When it could work last time after a stop or a start.
   [[nodiscard]] MonotonicTime well_since() const { return well_since_; }
   [[nodiscard]] Program* program() { return program_.get(); }

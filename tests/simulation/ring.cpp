@@ -17,12 +17,19 @@ namespace {
 
 constexpr nanoseconds check_period = milliseconds(100);
 constexpr int misses = 5;  // launch_config/sim.yaml
+constexpr nanoseconds excusable = seconds(3);
+
+/// Nothing has kept it from its work for some time.
+bool now_well(const Host& host) {
+  return host.runs() && host.now() - host.well_since() > excusable;
+}
 
 }  // namespace
 
-Ring::Ring(Kernel& kernel, Network& network, std::vector<Host*> members)
+Ring::Ring(Kernel& kernel, Network& network, Versions& versions, std::vector<Host*> members)
     : kernel_(kernel),
       network_(network),
+      versions_(versions),
       random_(kernel.random("ring")),
       members_(std::move(members)),
       present_(members_.size(), nullptr),
@@ -55,10 +62,28 @@ void Ring::on_process(Host& host) {
   }
 }
 
+/// 0 in the table: it was started with the suite.
+void Ring::note(std::size_t i, RestartDecision::Step step) {
+  kernel_.coverage().note(StateTable::restart, i, static_cast<std::uint8_t>(1 + static_cast<int>(step)));
+}
+
 void Ring::lose_power() {
+  for (std::size_t i = 0; i < members_.size(); ++i) kernel_.coverage().forget(StateTable::restart, i);
   ++boots_;
   subjects_.assign(members_.size(), {});
   last_deaf_kill_.reset();
+}
+
+void Ring::begin(std::size_t i) {
+  suite::count_start(subjects_[i].deaths, kernel_.now());
+  (void)versions_.on_begin(*members_[i]);
+  members_[i]->begin(start_time());
+}
+
+pid_t Ring::restart_now(Host& host) {
+  host.end("SIGTERM for another version");
+  begin(index(host.name()));
+  return host.pid();
 }
 
 void Ring::start_all() {
@@ -66,8 +91,8 @@ void Ring::start_all() {
   for (std::size_t i = 0; i < members_.size(); ++i) {
     kernel_.later(after, [this, i, boot = boots_] {
       if (boots_ != boot || subjects_[i].lock != 0) return;  // without power again; another one starts it
-      suite::count_start(subjects_[i].deaths, kernel_.now());
-      members_[i]->begin(start_time());
+      kernel_.coverage().note(StateTable::restart, i, 0);
+      begin(i);
     });
     after += milliseconds(30);
   }
@@ -99,8 +124,16 @@ std::optional<RestartOutcome> Ring::look_again(const Accusation& a) {
 std::optional<RestartOutcome> Ring::ask_policy(const Accusation& a, Host& host) {
   Subject& subject = subjects_[index(a.subject)];
   suite::count_death(subject.deaths, settings_, kernel_.now());
-  const RestartDecision decision = suite::decide(subject.deaths, settings_);
+  const auto trial = versions_.trial_of(host);
+  const RestartDecision decision = suite::decide(subject.deaths, settings_, trial);
+  if (decision.step == RestartDecision::Step::last_good) {
+    note(index(a.subject), decision.step);
+    versions_.set_aside(host, trial->version, "it died in its probation");
+    subject.not_before.reset();
+    return std::nullopt;
+  }
   const bool waits = decision.step != RestartDecision::Step::start && kernel_.now() < decision.not_before;
+  note(index(a.subject), waits ? decision.step : RestartDecision::Step::start);
   if (!waits) {
     subject.not_before.reset();
     return std::nullopt;
@@ -134,9 +167,8 @@ void Ring::kill_and_start(std::size_t i, std::size_t observer, pid_t pid, const 
   kernel_.later(random_.between(milliseconds(1), milliseconds(20)), [this, i, observer, pid, accusation] {
     if (subjects_[i].lock != pid) return;  // it died between kill and start
     subjects_[i].lock = 0;
-    suite::count_start(subjects_[i].deaths, kernel_.now());
     ++restarts_;
-    members_[i]->begin(start_time());
+    begin(i);
     conclude(observer, pid, accusation.subject, {What::restarted, members_[i]->pid(), {}, ""});
   });
 }
@@ -221,6 +253,9 @@ void Ring::Member::carry_out(const RingMonitor::Action& action) {
     const Accusation& a = accuse->accusation;
     Host& subject = ring_.host(ring_.index(a.subject));
     host_.trace(subject.lane(), "accuses", static_cast<std::uint64_t>(a.fault), a.incarnation);
+    const bool only_starves = subject.only_starves(excusable) && now_well(host_);
+    if (subject.pid() == a.pid && only_starves && a.fault != FaultClass::exited)
+      throw Violation{"F3", "a node that waits for a CPU is accused: " + a.subject + ": " + to_text(a.fault)};
     if (ring_.quiet_ && subject.pid() == a.pid && subject.runs())
       throw Violation{"F3", "a healthy node is accused: " + a.subject + ": " + to_text(a.fault)};
     accusations_.push_back(a);

@@ -9,6 +9,7 @@
 #include "suite/ring/restart_policy.hpp"
 #include "suite/ring/ring_monitor.hpp"
 #include "tests/simulation/process.hpp"
+#include "tests/simulation/versions.hpp"
 
 namespace srfs::simulation {
 
@@ -16,7 +17,7 @@ namespace srfs::simulation {
 /// as long as the computer's power.
 class Ring {
  public:
-  Ring(Kernel& kernel, Network& network, std::vector<Host*> members);
+  Ring(Kernel& kernel, Network& network, Versions& versions, std::vector<Host*> members);
 
   [[nodiscard]] const suite::Membership& membership() const { return membership_; }
   [[nodiscard]] std::size_t index(std::string_view name) const { return *membership_.position_of(name); }
@@ -36,6 +37,10 @@ class Ring {
   /// It may not be started before; nullopt: nothing keeps it down.
   [[nodiscard]] std::optional<MonotonicTime> not_before(const Host& host) const;
   void set_quiet(bool quiet) { quiet_ = quiet; }
+  /// A process restarts it.
+  [[nodiscard]] bool is_locked(const Host& host) const { return subjects_[index(host.name())].lock != 0; }
+  /// For another version: what runs is ended. @return number of the new process
+  pid_t restart_now(Host& host);
 
  private:
   friend class Member;
@@ -43,6 +48,8 @@ class Ring {
   [[nodiscard]] std::optional<suite::RestartOutcome> look_again(const suite::Accusation& accusation);
   [[nodiscard]] std::optional<suite::RestartOutcome> ask_policy(const suite::Accusation& accusation,
                                                                 Host& subject);
+  void begin(std::size_t subject);
+  void note(std::size_t subject, suite::RestartDecision::Step step);
   void kill_and_start(std::size_t subject, std::size_t observer, pid_t observer_pid,
                       const suite::Accusation& accusation);
   void conclude(std::size_t observer, pid_t observer_pid, const std::string& subject,
@@ -51,6 +58,7 @@ class Ring {
 
   Kernel& kernel_;
   Network& network_;
+  Versions& versions_;
   Random random_;
   std::vector<Host*> members_;
   suite::Membership membership_;

@@ -7,6 +7,7 @@
 #include <fmt/format.h>
 
 #include "tests/simulation/fault_injector.hpp"
+#include "tests/simulation/plot.hpp"
 #include "tests/simulation/spacecraft.hpp"
 
 namespace srfs::simulation {
@@ -14,6 +15,7 @@ namespace {
 
 constexpr nanoseconds settling = seconds(150);  ///< of a calm: longer than the longest wait before a restart
 constexpr nanoseconds look = seconds(10);
+constexpr int plot_samples = 1000;
 
 /// What is to be true in a calm: the suite has come back by itself.
 class CalmCheck {
@@ -39,6 +41,10 @@ class CalmCheck {
  private:
   void check() const {
     spacecraft_.commands().check_ends(begun_);
+    spacecraft_.ttc_flash().stores.check();
+    spacecraft_.ttc_flash().files.check_ends(begun_);
+    spacecraft_.packages().check_ends(begun_);
+    spacecraft_.versions().check();
     for (std::size_t i = 0; i < spacecraft_.node_count(); ++i) {
       const Host& host = spacecraft_.host(static_cast<Lane>(i));
       if (!host.runs()) throw Violation{"F4", "it does not run long after the last fault: " + host.name()};
@@ -63,6 +69,21 @@ class CalmCheck {
   std::uint64_t released_ = 0;
 };
 
+/// In steps only where the plot looks at it: an event more would change what the seed gives.
+void fly(Kernel& kernel, Spacecraft& spacecraft, const FaultInjector& faults, const RunSettings& settings) {
+  const MonotonicTime begin = kernel.now();
+  if (settings.plot == nullptr) return kernel.run_until(begin + settings.duration);
+  Plot plot;
+  for (int i = 0; i <= plot_samples; ++i) {
+    const nanoseconds at = i == plot_samples ? settings.duration : settings.duration / plot_samples * i;
+    kernel.run_until(begin + at);
+    plot.sample(at, kernel, spacecraft, faults);
+  }
+  *settings.plot = plot.svg(fmt::format("Seed {}, {:.1f} h, faults {}", settings.seed,
+                                        static_cast<double>(settings.duration.count()) / 3600e9,
+                                        to_text(settings.faults)));
+}
+
 }  // namespace
 
 RunOutcome run(const RunSettings& settings) {
@@ -75,7 +96,7 @@ RunOutcome run(const RunSettings& settings) {
   CalmCheck calm(kernel, spacecraft);
   faults.on_calm([&calm](bool begins) { calm.on_calm(begins); });
   try {
-    kernel.run_until(begin + settings.duration);
+    fly(kernel, spacecraft, faults, settings);
   } catch (const Violation& violation) {
     outcome.violation = violation;
     outcome.diagram = kernel.diagram();
@@ -89,10 +110,16 @@ RunOutcome run(const RunSettings& settings) {
   outcome.events = kernel.events();
   outcome.ticks = spacecraft.newest_cycle();
   outcome.slots = spacecraft.ledger().granted;
+  outcome.transitions = kernel.coverage().counts();
   outcome.boots = spacecraft.boots();
   outcome.journal_cut = spacecraft.ttc_flash().cut;
   outcome.telecommands = spacecraft.commands().counters().sent;
   outcome.completed = spacecraft.commands().counters().completed;
+  outcome.released = spacecraft.commands().counters().released;
+  outcome.stored = spacecraft.ttc_flash().stores.counters().stored;
+  outcome.retrieved = spacecraft.ttc_flash().stores.counters().retrieved;
+  outcome.installed = spacecraft.packages().counters().installed;
+  outcome.files = spacecraft.ttc_flash().files.counters().arrived;
   for (std::size_t i = 0; i < spacecraft.node_count(); ++i)
     outcome.starts += spacecraft.host(static_cast<Lane>(i)).starts();
   for (std::size_t i = 0; i < fault_count; ++i) outcome.faults += faults.injected(static_cast<Fault>(i));
@@ -102,6 +129,7 @@ RunOutcome run(const RunSettings& settings) {
 FaultSet shrink(const RunSettings& settings, const RunOutcome& failed) {
   RunSettings smaller = settings;
   smaller.trace = nullptr;
+  smaller.plot = nullptr;
   // Without some faults it may need longer.
   smaller.duration = std::min(settings.duration, 2 * failed.at + seconds(900));
   bool again = true;

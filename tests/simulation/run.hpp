@@ -8,6 +8,7 @@
 #include <optional>
 #include <string>
 
+#include "tests/simulation/coverage.hpp"
 #include "tests/simulation/faults.hpp"
 #include "tests/simulation/kernel.hpp"
 
@@ -18,6 +19,7 @@ struct RunSettings {
   FaultSet faults;
   nanoseconds duration = seconds(3600);  ///< virtual
   std::FILE* trace = nullptr;
+  std::string* plot = nullptr;  ///< gets the run as SVG
 };
 
 /// What a run came to. The same settings give the same outcome, octet by octet.
@@ -32,11 +34,17 @@ struct RunOutcome {
   std::uint64_t slots = 0;  ///< granted
   std::uint64_t telecommands = 0;
   std::uint64_t completed = 0;  ///< of them
+  std::uint64_t released = 0;   ///< by the schedule
+  std::uint64_t stored = 0;     ///< packets in the stores, synced
+  std::uint64_t retrieved = 0;  ///< periods of them, compared
+  std::uint64_t files = 0;      ///< that arrived, compared
+  std::uint64_t installed = 0;  ///< packages
   std::uint64_t starts = 0;     ///< of processes
   std::uint32_t boots = 0;
   std::uint64_t faults = 0;  ///< injected
   /// Writes of ttc's journal in which its process ended: nothing was written, written, written and synced.
   std::array<std::uint64_t, 3> journal_cut{};
+  TransitionCounts transitions{};
 };
 
 [[nodiscard]] RunOutcome run(const RunSettings& settings);

@@ -124,8 +124,9 @@ Spacecraft::Spacecraft(Kernel& kernel)
            {},
            {}},
       key_(std::array<std::uint8_t, wire::sdls_key_octets>{7}),
-      ttc_flash_(kernel),
-      commands_(kernel, dictionary(), link_) {
+      ttc_flash_(kernel, dictionary()),
+      maintenance_flash_(kernel),
+      commands_(kernel, link_, gps_.truth, ttc_flash_.stores) {
   for (std::size_t i = 0; i < payload_count; ++i) {
     slots_.push_back({.payload = to_text(payload_lanes[i]),
                       .allotted = milliseconds(60),
@@ -143,10 +144,12 @@ Spacecraft::Spacecraft(Kernel& kernel)
     hosts_.back()->set_observer([this](Host& host) { on_process(host); });
     members.push_back(hosts_.back().get());
   }
-  ring_ = std::make_unique<Ring>(kernel_, network_, members);
+  versions_ = std::make_unique<Versions>(kernel_, disk_, members);
+  ring_ = std::make_unique<Ring>(kernel_, network_, *versions_, members);
   can_.set_tap([this](Lane writer) { check_writer(writer); });
-  station_ =
-      std::make_unique<Station>(kernel_, dictionary(), link_, key_, commands_, [this](const Octets& octets) {
+  station_ = std::make_unique<Station>(
+      kernel_, dictionary(), link_, key_, commands_, ttc_flash_.files, gps_.truth,
+      [this](const Octets& octets) {
         Host& ttc = host(Lane::ttc);
         if (!ttc.is_up()) return;  // nobody reads the line
         ttc.give([&ttc, octets] {
@@ -159,6 +162,7 @@ Spacecraft::Spacecraft(Kernel& kernel)
   ring_->start_all();
   schedule_pulse();
   step_world();
+  kernel_.later(seconds(20), [this] { work_on_packages(); });
 }
 
 /// Programs use all that is here.
@@ -207,9 +211,39 @@ std::unique_ptr<Program> Spacecraft::make_logic(Host& made_for) {
     }
     case Lane::ttc:
       return std::make_unique<Ttc>(made_for, ttc_surroundings());
+    case Lane::maintenance:
+      return std::make_unique<Maintenance>(made_for, maintenance_surroundings());
     default:
       return nullptr;
   }
+}
+
+MaintenanceSurroundings Spacecraft::maintenance_surroundings() {
+  std::vector<Host*> nodes_there;
+  for (const auto& h : hosts_) nodes_there.push_back(h.get());
+  return {disk_,
+          maintenance_flash_,
+          *versions_,
+          std::move(nodes_there),
+          powered_,
+          [this](const Host& node) { return ring_->is_locked(node); },
+          [this](Host& node) { return ring_->restart_now(node); }};
+}
+
+/// The operator has new programs installed.
+void Spacecraft::work_on_packages() {
+  Random& random = packages_operator_;
+  kernel_.later(random.between(seconds(10), seconds(90)), [this] { work_on_packages(); });
+  Host& host = this->host(Lane::maintenance);
+  if (!station_->works() || !host.is_up()) return;
+  const bool cancels = random.one_in(8);
+  // A package that has ended and comes again is stored again.
+  const bool is_new = package_.empty() || packages().of(package_).ended;
+  if (!random.one_in(4) || is_new) package_ = packages().make(hosts_.size());
+  host.give([&host, cancels, file = package_] {
+    auto* const logic = static_cast<Maintenance*>(static_cast<NodeProcess*>(host.program())->logic());
+    cancels ? logic->cancel() : logic->install(file);
+  });
 }
 
 TtcSurroundings Spacecraft::ttc_surroundings() {
@@ -240,7 +274,10 @@ TtcSurroundings Spacecraft::ttc_surroundings() {
 }
 
 void Spacecraft::on_process(Host& host) {
-  if (host.state() == Host::State::running) return network_.on_begin(host);
+  if (host.state() == Host::State::running) {
+    network_.on_begin(host);
+    return versions_->on_running(host);
+  }
   disk_.on_end(host);
   ring_->on_process(host);
 }
@@ -252,6 +289,7 @@ void Spacecraft::cut_power(const char* why, bool by_watchdog) {
   for (const auto& host : hosts_) host->end("power cut");
   can_.lose_computer();
   ttc_flash_.lose_power();
+  versions_->lose_power();
   holder_word_.holder.reset();
   ids_lost_ = {};
   ring_->lose_power();
@@ -259,6 +297,7 @@ void Spacecraft::cut_power(const char* why, bool by_watchdog) {
   kernel_.later(kernel_.random("boot" + std::to_string(boots_)).between(seconds(2), seconds(20)), [this] {
     powered_ = true;
     boot_id_ = "boot" + std::to_string(++boots_);
+    for (const auto& host : hosts_) versions_->count_suite_start(*host);
     ring_->start_all();
   });
 }

@@ -13,6 +13,7 @@
 #include "hw_sim/spacecraft_world.hpp"
 #include "tests/simulation/can_line.hpp"
 #include "tests/simulation/disk.hpp"
+#include "tests/simulation/maintenance.hpp"
 #include "tests/simulation/payload.hpp"
 #include "tests/simulation/ring.hpp"
 #include "tests/simulation/station.hpp"
@@ -71,12 +72,14 @@ class Spacecraft {
   [[nodiscard]] CanLine& can() { return can_; }
   [[nodiscard]] Disk& disk() { return disk_; }
   [[nodiscard]] Gps& gps() { return gps_; }
-  [[nodiscard]] const TtcFlash& ttc_flash() const { return ttc_flash_; }
+  [[nodiscard]] TtcFlash& ttc_flash() { return ttc_flash_; }
   [[nodiscard]] Station& station() { return *station_; }
+  [[nodiscard]] const Versions& versions() const { return *versions_; }
+  [[nodiscard]] PackageRecord& packages() { return maintenance_flash_.packages; }
   [[nodiscard]] CommandRecord& commands() { return commands_; }
   [[nodiscard]] Ring& ring() { return *ring_; }
   [[nodiscard]] const SwitcherSurroundings::Ledger& ledger() const { return ledger_; }
-  [[nodiscard]] const sim::SpacecraftWorld& world() const { return world_; }
+  [[nodiscard]] sim::SpacecraftWorld& world() { return world_; }
   /// Everything that is up ends; some seconds later the computer starts again.
   void cut_power(const char* why, bool by_watchdog);
   [[nodiscard]] std::uint32_t boots() const { return boots_; }
@@ -86,6 +89,8 @@ class Spacecraft {
   [[nodiscard]] std::unique_ptr<Program> make_program(Host& host);
   [[nodiscard]] std::unique_ptr<Program> make_logic(Host& host);
   void on_process(Host& host);
+  void work_on_packages();
+  [[nodiscard]] MaintenanceSurroundings maintenance_surroundings();
   void step_world();
   void step_battery();
   void check_writer(Lane writer);
@@ -107,6 +112,7 @@ class Spacecraft {
   std::vector<suite::Slot> slots_;
   std::vector<std::unique_ptr<Device>> devices_;
   std::vector<std::unique_ptr<Host>> hosts_;
+  std::unique_ptr<Versions> versions_;
   std::unique_ptr<Ring> ring_;
   std::string boot_id_;
   std::uint32_t boots_ = 0;
@@ -116,6 +122,9 @@ class Spacecraft {
   suite::LinkSettings link_;
   wire::SdlsKey key_;
   TtcFlash ttc_flash_;
+  MaintenanceFlash maintenance_flash_;
+  Random packages_operator_{kernel_.random("operator of packages")};
+  std::string package_;  ///< file of the newest one
   CommandRecord commands_;
   std::unique_ptr<Station> station_;
   std::set<std::uint64_t> opened_;  ///< grants with which a payload opened the bus

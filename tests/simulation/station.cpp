@@ -4,16 +4,25 @@
 
 #include <fmt/format.h>
 
+#include <mission/structures.hpp>
+
+#include "base/text.hpp"
+
 namespace srfs::simulation {
 namespace {
 
 using Kind = ground::AdSignal::Kind;
 
 constexpr std::uint8_t verification_service = 1;
+constexpr std::uint8_t event_service = 5;
 constexpr std::uint16_t spi_bd = 1;
 constexpr nanoseconds repeat_time = seconds(30);  ///< well within ttc's window of repeats
 constexpr nanoseconds forgotten_after = seconds(3600);
 constexpr std::size_t most_recent = 8;
+/// What is due is released or dropped so much later at the latest: ttc's schedule_late_max, and the reports.
+constexpr nanoseconds released_after = seconds(60) + seconds(30);
+constexpr nanoseconds right_time = seconds(1);
+constexpr nanoseconds latest_tick = seconds(5);
 
 struct Choice {
   const char* name;
@@ -38,8 +47,16 @@ const std::vector<Choice>& choices() {
       {"ttc.ping", {}, 4},
       {"ttc.set_mode", {"mode=nominal"}, 2},
       {"ttc.set_mode", {"mode=safe"}, 1},
+      {"ttc.set_mode", {"mode=low_power"}, 1},
+      {"ttc.set_mode", {"mode=commissioning"}, 1},
+      {"ttc.set_mode", {"mode=pass"}, 1},
       {"ttc.disarm", {}, 1},
       {"storage.status", {}, 1},
+      {"storage.resume_open", {"store=events"}, 1},
+      {"storage.suspend_open", {"store=events"}, 1},
+      {"schedule.summary_filter", {}, 1},
+      {"schedule.enable", {}, 2},
+      {"schedule.shift_filter", {"offset_s=5"}, 1},
   };
   return all;
 }
@@ -71,9 +88,9 @@ const Choice& any_choice(Random& random) {
 
 // ---------------------------------------------------------------- the record
 
-CommandRecord::CommandRecord(Kernel& kernel, const mission::Dictionary& /*dictionary*/,
-                             const suite::LinkSettings& link)
-    : kernel_(kernel), receiver_(link) {}
+CommandRecord::CommandRecord(Kernel& kernel, const suite::LinkSettings& link, const sim::TrueTime& truth,
+                             StoreLedger& stores)
+    : kernel_(kernel), truth_(truth), stores_(stores), receiver_(link) {}
 
 CommandRecord::Key CommandRecord::key_of(const wire::RequestId& request) {
   return Key{request.packet_identification} << 16U | request.packet_sequence_control;
@@ -93,6 +110,33 @@ void CommandRecord::on_sent(const wire::RequestId& request, const mission::Comma
   ++counters_.sent;
 }
 
+void CommandRecord::on_scheduled(const wire::RequestId& request, const mission::Command& command,
+                                 const wire::RequestId& insertion, UtcTime release) {
+  on_sent(request, command);
+  Life& life = lives_[key_of(request)];
+  life.insertion = key_of(insertion);
+  life.release = release;
+  note_schedule(key_of(request), ScheduleState::sent);
+  life.unstored = kernel_.now() < reset_until_;
+}
+
+void CommandRecord::on_schedule_reset() {
+  reset_until_ = kernel_.now() + 2 * repeat_time;
+  for (auto& [key, life] : lives_) life.unstored = life.unstored || life.insertion;
+}
+
+void CommandRecord::on_time(UtcTime utc, bool valid) {
+  const nanoseconds off = utc - truth_.utc(kernel_.now());
+  const bool right = valid && off < right_time && off > -right_time;
+  if (!right) time_since_.reset();
+  if (right && !time_since_) time_since_ = kernel_.now();
+  time_at_ = kernel_.now();
+}
+
+bool CommandRecord::has_right_time() const {
+  return time_since_ && kernel_.now() - time_at_ < latest_tick;
+}
+
 void CommandRecord::on_delivered(const wire::RequestId& request) {
   const auto found = lives_.find(key_of(request));
   if (found == lives_.end()) return;
@@ -107,8 +151,24 @@ void CommandRecord::on_published(const Telecommand& telecommand) {
   life.ids.insert(telecommand.origin.id);
   by_id_[telecommand.origin.id & 0xFFFFFFFFU] = found->first;
   kernel_.trace(Lane::ttc, Lane::ttc, "publishes telecommand", telecommand.origin.id, found->first);
+  life.published = kernel_.now();
+  if (life.insertion) {
+    note_schedule(found->first, ScheduleState::released);
+    ++counters_.released;
+    if (has_right_time() && truth_.utc(kernel_.now()) < life.release - right_time)
+      throw Violation{"L4c", "a scheduled telecommand is released before its time: " + describe(life)};
+  }
   if (life.ids.size() > 1 && !life.unstored)
     throw Violation{"L4a", "a repeated packet became another telecommand: " + describe(life)};
+}
+
+void CommandRecord::check_not_executed(const Life& life) {
+  namespace failure = mission::failure;
+  static const std::set<std::uint16_t> certain{failure::queue_full,      failure::storage_unavailable,
+                                               failure::expired,         failure::node_unavailable,
+                                               failure::node_not_active, failure::peripheral_off};
+  if (life.failed && certain.contains(*life.failed) && life.executed > 0 && !life.unstored)
+    throw Violation{"L4", "it was executed and is reported as not executed: " + describe(life)};
 }
 
 void CommandRecord::on_executed(std::uint32_t telecommand_id) {
@@ -119,7 +179,9 @@ void CommandRecord::on_executed(std::uint32_t telecommand_id) {
   if (found == lives_.end()) return;
   Life& life = found->second;
   ++counters_.executed;
-  if (++life.executed > 1 && life.command->repeat_class != mission::RepeatClass::idempotent)
+  ++life.executed;
+  check_not_executed(life);
+  if (life.executed > 1 && life.command->repeat_class != mission::RepeatClass::idempotent)
     throw Violation{"L4", "executed twice: " + describe(life)};
 }
 
@@ -133,12 +195,41 @@ void CommandRecord::on_storage_lost() {
 
 void CommandRecord::on_cadu(const Octets& cadu) {
   for (const ground::ReceivedPacket& received : receiver_.push(cadu)) {
-    if (received.vc == ground::tm_channel::live && received.packet.service == verification_service)
-      on_report(received.packet);
+    if (received.vc == ground::tm_channel::playback) stores_.on_played_back(received.raw);
+    if (received.vc != ground::tm_channel::live) continue;
+    if (received.packet.service == verification_service) on_report(received.packet);
+    if (received.packet.service == event_service) on_event(received.packet);
   }
-  (void)receiver_.take_control_words();
+  for (const std::uint32_t word : receiver_.take_control_words()) note_farm(word);
   (void)receiver_.take_file_pdus();
   if (listener_) listener_(cadu);
+}
+
+void CommandRecord::note_farm(std::uint32_t control_word) {
+  const auto clcw = wire::decode_clcw(control_word);
+  if (!clcw) return;
+  const auto mode = clcw->lockout ? wire::FarmMode::lockout
+                    : clcw->wait  ? wire::FarmMode::wait
+                                  : wire::FarmMode::open;
+  kernel_.coverage().note(StateTable::farm, 0, static_cast<std::uint8_t>(mode));
+}
+
+void CommandRecord::note_schedule(Key key, ScheduleState state) {
+  kernel_.coverage().note(StateTable::schedule, key, static_cast<std::uint8_t>(state));
+}
+
+void CommandRecord::on_event(const wire::TmPacket& packet) {
+  OctetReader in(packet.source);
+  if (in.u16() != mission::ScheduleActivityDroppedEvent::event_id) return;
+  const auto event = mission::ScheduleActivityDroppedEvent::decode(in);
+  if (!event) return;
+  for (auto& [key, life] : lives_) {
+    if (!life.insertion || ((key >> 16U) & 0x7FFU) != event->apid || (key & 0x3FFFU) != event->sequence)
+      continue;
+    counters_.dropped += life.dropped ? 0 : 1;
+    life.dropped = true;
+    note_schedule(key, ScheduleState::dropped);
+  }
 }
 
 void CommandRecord::on_report(const wire::TmPacket& packet) {
@@ -149,6 +240,15 @@ void CommandRecord::on_report(const wire::TmPacket& packet) {
   if (found == lives_.end()) return;
   Life& life = found->second;
   kernel_.trace(Lane::ttc, Lane::ground, "report 1,n", packet.subtype, found->first);
+  if (life.insertion && packet.subtype == 1) note_schedule(found->first, ScheduleState::released);
+  if (life.insertion && (packet.subtype == 2 || packet.subtype == 10))
+    note_schedule(found->first, ScheduleState::refused);
+  if (packet.subtype == 7) {
+    for (const auto& [key, other] : lives_) {
+      if (other.insertion == found->first && !other.accepted && other.ids.empty() && !other.dropped)
+        note_schedule(key, ScheduleState::in_schedule);
+    }
+  }
   if (packet.subtype != 1 && packet.subtype != 3 && packet.subtype != 5 && !life.ended)
     life.ended = kernel_.now();
   switch (packet.subtype) {
@@ -163,6 +263,8 @@ void CommandRecord::on_report(const wire::TmPacket& packet) {
       break;
     case 7:
       counters_.completed += life.completed ? 0 : 1;
+      if (!life.completed && life.command->name == mission::StorageRetrieve::name && !life.unstored)
+        stores_.on_retrieval_completed();
       life.completed = true;
       break;
     case 4:
@@ -173,10 +275,24 @@ void CommandRecord::on_report(const wire::TmPacket& packet) {
     default:
       break;
   }
+  check_not_executed(life);
   if (life.completed && life.failed && !life.unstored)
     throw Violation{"L4a", "it has two ends: " + describe(life)};
   if (life.completed && life.command->peripheral_function && life.executed == 0)
     throw Violation{"S10", "completed and never executed: " + describe(life)};
+}
+
+/// What is in the schedule is released, or is reported as dropped.
+void CommandRecord::check_schedule(const Life& life) const {
+  const auto insertion = lives_.find(*life.insertion);
+  const bool is_inserted =
+      insertion != lives_.end() && insertion->second.completed && !insertion->second.unstored;
+  // Shifted ones are due later.
+  const bool is_over = has_right_time() && kernel_.now() - *time_since_ > released_after &&
+                       truth_.utc(kernel_.now()) - life.release > released_after + seconds(60);
+  if (is_inserted && is_over && !life.accepted && !life.refused && !life.dropped && life.ids.empty())
+    throw Violation{"L4c",
+                    "a scheduled telecommand is neither released nor reported as dropped: " + describe(life)};
 }
 
 void CommandRecord::check_ends(MonotonicTime sent_before) {
@@ -185,6 +301,8 @@ void CommandRecord::check_ends(MonotonicTime sent_before) {
     if (life.delivered && !life.accepted && !life.refused)
       throw Violation{"L4b",
                       "a frame was acknowledged, and nothing is known of its telecommand: " + describe(life)};
+    if (life.insertion) check_schedule(life);
+    if (life.published > sent_before) continue;  // by the schedule
     if (life.accepted && !life.completed && !life.failed && !life.refused)
       throw Violation{"L4", "it was accepted and has no end: " + describe(life)};
   }
@@ -196,11 +314,13 @@ void CommandRecord::check_ends(MonotonicTime sent_before) {
 // ---------------------------------------------------------------- the ground
 
 Station::Station(Kernel& kernel, const mission::Dictionary& dictionary, const suite::LinkSettings& link,
-                 const wire::SdlsKey& key, CommandRecord& record,
-                 std::function<void(const Octets&)> to_spacecraft)
+                 const wire::SdlsKey& key, CommandRecord& record, FileRecord& files,
+                 const sim::TrueTime& truth, std::function<void(const Octets&)> to_spacecraft)
     : kernel_(kernel),
       dictionary_(dictionary),
+      truth_(truth),
       operator_(kernel.random("operator")),
+      files_operator_(kernel.random("operator of files")),
       noise_(kernel.random("line")),
       channel_{.spacecraft_id = static_cast<std::uint16_t>(link.spacecraft_id),
                .vc = 0,
@@ -219,9 +339,40 @@ Station::Station(Kernel& kernel, const mission::Dictionary& dictionary, const su
           [this] {
             ad_.on_time(kernel_.now());
             handle_ad();
-          }) {
+          }),
+      file_record_(files),
+      files_(kernel, files, wire::sdls_packet_octets_max, [this](const Octets& packet) {
+        auto cltu = frame(wire::TcFrameType::bd, 0, packet);
+        return cltu ? uplink(std::move(*cltu)) : kernel_.now() + seconds(1);
+      }) {
   record_.set_listener([this](const Octets& cadu) { on_cadu(cadu); });
   kernel_.later(seconds(3), [this] { work(); });
+  kernel_.later(seconds(4), [this] { work_on_files(); });
+}
+
+/// In a calm the operator makes sure that the spacecraft hears the ground, also behind a cut that lasts into
+/// it: what rests goes on.
+void Station::set_operator(bool works) {
+  works_ = works;
+  if (works) return;
+  for (const nanoseconds delay : {seconds(2), seconds(40), seconds(100), seconds(160), seconds(205)})
+    kernel_.later(delay, [this] {
+      files_.on_contact();
+      send_bd(make("ttc.ping", {}, false));
+    });
+}
+
+/// On the ground and on board files come into the outboxes.
+void Station::work_on_files() {
+  kernel_.later(files_operator_.between(seconds(2), seconds(60)), [this] { work_on_files(); });
+  if (!works_) return;
+  if (files_operator_.one_in(2)) {
+    files_.put(files_operator_);
+  } else {
+    (void)file_record_.put(FileRecord::End::board, files_operator_);
+  }
+  if (files_operator_.one_in(10)) files_.restart();
+  if (files_operator_.one_in(4)) files_.on_contact();
 }
 
 void Station::work() {
@@ -239,22 +390,64 @@ void Station::work() {
   handle_ad();
 }
 
-void Station::send_something() {
-  const Choice& choice = any_choice(operator_);
-  const auto encoded = dictionary_.encode(choice.name, choice.arguments);
+Station::Queued Station::make(std::string_view name, const std::vector<std::string>& arguments,
+                              bool spoiled) {
+  const auto encoded = dictionary_.encode(name, arguments);
   if (!encoded)
-    throw Violation{"L8",
-                    "the dictionary refuses " + std::string(choice.name) + ": " + encoded.error().message};
+    throw Violation{"L8", "the dictionary refuses " + std::string(name) + ": " + encoded.error().message};
   wire::TcPacket packet{.apid = encoded->command->apid,
                         .sequence_count = sequence_[encoded->command->apid],
                         .service = encoded->command->service,
                         .subtype = encoded->command->subtype,
                         .application = encoded->data};
   sequence_[packet.apid] = static_cast<std::uint16_t>((packet.sequence_count + 1) & 0x3FFF);
-  if (operator_.one_in(30)) packet.application.push_back(7);
-  const Queued telecommand{wire::request_id(packet), encoded->command, wire::make_tc_packet(packet)};
+  if (spoiled) packet.application.push_back(7);
+  return {wire::request_id(packet), encoded->command, wire::make_tc_packet(packet)};
+}
+
+void Station::send_something() {
+  if (operator_.one_in(6)) return send_scheduled();
+  if (operator_.one_in(30)) return send_retrieval();
+  if (operator_.one_in(80)) {
+    record_.on_schedule_reset();
+    return send_bd(make(mission::ScheduleReset::name, {}, false));
+  }
+  const Choice& choice = any_choice(operator_);
+  const Queued telecommand = make(choice.name, choice.arguments, operator_.one_in(30));
   record_.on_sent(telecommand.request, *telecommand.command);
-  kernel_.trace(Lane::ground, Lane::ttc, choice.name, packet.apid, packet.sequence_count);
+  send(telecommand);
+}
+
+/// Something is to be released up to three minutes later.
+void Station::send_scheduled() {
+  constexpr int decimals = 9;
+  const Choice& choice = any_choice(operator_);
+  const Queued later = make(choice.name, choice.arguments, false);
+  const UtcTime release = utc() + operator_.between(seconds(1), seconds(operator_.one_in(4) ? 180 : 30));
+  const Queued insertion = make(
+      mission::ScheduleInsert::name,
+      {"release=" + to_iso8601(release, decimals), "request=" + to_hex(later.packet)}, operator_.one_in(30));
+  record_.on_sent(insertion.request, *insertion.command);
+  record_.on_scheduled(later.request, *later.command, insertion.request, release);
+  send(insertion);
+}
+
+void Station::send_retrieval() {
+  constexpr int decimals = 9;
+  const auto& stores = dictionary_.stores();
+  const UtcTime to = utc() - operator_.between(nanoseconds(0), seconds(600));
+  const UtcTime from = to - operator_.between(seconds(1), seconds(40));
+  const Queued telecommand = make(mission::StorageRetrieve::name,
+                                  {"store=" + stores[operator_.below(stores.size())].name,
+                                   "from=" + to_iso8601(from, decimals), "to=" + to_iso8601(to, decimals)},
+                                  false);
+  record_.on_sent(telecommand.request, *telecommand.command);
+  send(telecommand);
+}
+
+void Station::send(const Queued& telecommand) {
+  kernel_.trace(Lane::ground, Lane::ttc, telecommand.command->name.c_str(),
+                telecommand.request.packet_identification, telecommand.request.packet_sequence_control);
   const auto phase = ad_.phase();
   if (phase == ground::AdPhase::on && !operator_.one_in(4)) {
     if (ad_.request(next_tag_, telecommand.packet, kernel_.now())) by_ad_.emplace(next_tag_++, telecommand);
@@ -299,12 +492,13 @@ bool Station::passes_line(Octets& octets, Random& random) {
   return true;
 }
 
-void Station::uplink(Octets cltu) {
+MonotonicTime Station::uplink(Octets cltu) {
   constexpr std::int64_t octet_ns = 10'000'000'000 / 921'600;
   up_free_ =
       std::max(up_free_, kernel_.now()) + nanoseconds(octet_ns * static_cast<std::int64_t>(cltu.size()));
-  if (!passes_line(cltu, noise_)) return;
-  kernel_.at(up_free_, [this, cltu = std::move(cltu)] { to_spacecraft_(cltu); });
+  if (passes_line(cltu, noise_))
+    kernel_.at(up_free_, [this, cltu = std::move(cltu)] { to_spacecraft_(cltu); });
+  return up_free_;
 }
 
 void Station::on_cadu(const Octets& cadu) {
@@ -316,14 +510,22 @@ void Station::on_cadu(const Octets& cadu) {
   kernel_.at(down_free_, [this, octets = std::move(octets)] {
     const auto packets = downlink_.push(octets);
     for (const std::uint32_t word : downlink_.take_control_words()) ad_.on_control_word(word, kernel_.now());
-    (void)downlink_.take_file_pdus();
+    const auto pdus = downlink_.take_file_pdus();
+    for (const Octets& pdu : pdus) files_.on_pdu(pdu);
+    if (!pdus.empty()) files_.move();
     handle_ad();
     for (const ground::ReceivedPacket& received : packets)
       (void)commanding_.on_packet(received.packet, kernel_.now());
   });
 }
 
+void Station::note_ad() {
+  kernel_.coverage().note(StateTable::ad, 0, static_cast<std::uint8_t>(ad_.phase()));
+  kernel_.coverage().note(StateTable::fop, 0, static_cast<std::uint8_t>(ad_.report().state));
+}
+
 void Station::handle_ad() {
+  note_ad();
   while (const auto signal = ad_.next_signal()) {
     const auto telecommand = by_ad_.find(signal->tag);
     if (signal->kind == Kind::transmit_ad || signal->kind == Kind::transmit_bc) {
@@ -341,6 +543,7 @@ void Station::handle_ad() {
     if (signal->kind == Kind::delivered) record_.on_delivered(telecommand->second.request);
     if (signal->kind != Kind::changed) by_ad_.erase(telecommand);
   }
+  note_ad();
   ad_timer_.arm(ad_.deadline());
 }
 

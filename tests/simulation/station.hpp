@@ -11,7 +11,9 @@
 #include "ground/ad_service.hpp"
 #include "ground/commanding.hpp"
 #include "ground/downlink.hpp"
+#include "hw_sim/gps_receiver.hpp"
 #include "nodes/ttc/link/uplink_chain.hpp"
+#include "tests/simulation/ground_files.hpp"
 #include "tests/simulation/ttc.hpp"
 #include "wire/tc_uplink.hpp"
 
@@ -22,14 +24,22 @@ namespace srfs::simulation {
 /// check what the classes of telecommands promise.
 class CommandRecord final : public TtcWitness {
  public:
-  CommandRecord(Kernel& kernel, const mission::Dictionary& dictionary, const suite::LinkSettings& link);
+  /// @param truth, stores  outlive it
+  CommandRecord(Kernel& kernel, const suite::LinkSettings& link, const sim::TrueTime& truth,
+                StoreLedger& stores);
 
   void on_sent(const wire::RequestId& request, const mission::Command& command);
+  /// It stands in @p insertion, to be released at @p release.
+  void on_scheduled(const wire::RequestId& request, const mission::Command& command,
+                    const wire::RequestId& insertion, UtcTime release);
+  /// An operator has ordered to empty the schedule: what is in it, or soon will be, is not followed.
+  void on_schedule_reset();
   /// FARM-1 acknowledged the frame with it.
   void on_delivered(const wire::RequestId& request);
   void on_published(const Telecommand& telecommand) override;
   void on_storage_lost() override;
   void on_cadu(const Octets& cadu) override;
+  void on_time(UtcTime utc, bool valid) override;
   /// A peripheral has carried it out.
   void on_executed(std::uint32_t telecommand_id);
   /// At the end of a calm: what was acknowledged or accepted before it has its end.
@@ -44,6 +54,8 @@ class CommandRecord final : public TtcWitness {
     std::uint64_t failed = 0;
     std::uint64_t executed = 0;
     std::uint64_t delivered = 0;
+    std::uint64_t released = 0;  ///< by the schedule
+    std::uint64_t dropped = 0;   ///< the same, reported
   };
   [[nodiscard]] const Counters& counters() const { return counters_; }
 
@@ -62,14 +74,32 @@ class CommandRecord final : public TtcWitness {
     /// The journal did not reach the disk while it was under way. Without storage recovery commands run and
     /// frames are acknowledged all the same, so its end is not promised.
     bool unstored = false;
+    std::optional<std::uint64_t> insertion{};  ///< key of the telecommand that schedules it
+    UtcTime release{};
+    bool dropped = false;
+    std::optional<MonotonicTime> published{};
   };
-  using Key = std::uint64_t;  ///< APID, sequence count, and how often that has wrapped
+  using Key = std::uint64_t;  ///< APID and sequence count
+  void on_event(const wire::TmPacket& packet);
+  void note_farm(std::uint32_t control_word);
+  enum class ScheduleState : std::uint8_t { sent, in_schedule, released, dropped, refused };
+  void note_schedule(Key key, ScheduleState state);
+  /// The spacecraft's clock is right to the second.
+  [[nodiscard]] bool has_right_time() const;
+  void check_schedule(const Life& life) const;
   void on_report(const wire::TmPacket& packet);
   [[nodiscard]] static Key key_of(const wire::RequestId& request);
+  /// What is reported as certainly not executed was not.
+  static void check_not_executed(const Life& life);
   [[nodiscard]] static std::string describe(const Life& life);
 
   Kernel& kernel_;
-  ground::Downlink receiver_;  ///< hears everything that leaves the spacecraft
+  const sim::TrueTime& truth_;
+  StoreLedger& stores_;
+  std::optional<MonotonicTime> time_since_;  ///< the spacecraft's clock is right and valid
+  MonotonicTime time_at_;                    ///< that it was looked at
+  MonotonicTime reset_until_;                ///< the schedule may be emptied until then
+  ground::Downlink receiver_;                ///< hears everything that leaves the spacecraft
   std::function<void(const Octets& cadu)> listener_;
   std::map<Key, Life> lives_;
   std::map<std::uint64_t, Key> by_id_;
@@ -82,7 +112,8 @@ class CommandRecord final : public TtcWitness {
 class Station {
  public:
   Station(Kernel& kernel, const mission::Dictionary& dictionary, const suite::LinkSettings& link,
-          const wire::SdlsKey& key, CommandRecord& record, std::function<void(const Octets&)> to_spacecraft);
+          const wire::SdlsKey& key, CommandRecord& record, FileRecord& files, const sim::TrueTime& truth,
+          std::function<void(const Octets&)> to_spacecraft);
 
   /// Share of CLTUs and CADUs that are lost, and of those that have a wrong octet.
   struct Line {
@@ -92,7 +123,8 @@ class Station {
   };
   void set_line(Line line) { line_ = line; }
   [[nodiscard]] const Line& line() const { return line_; }
-  void set_operator(bool works) { works_ = works; }
+  void set_operator(bool works);
+  [[nodiscard]] bool works() const { return works_; }
 
  private:
   struct Queued {
@@ -101,18 +133,27 @@ class Station {
     Octets packet;
   };
   void work();
+  void work_on_files();
   void send_something();
+  void send_scheduled();
+  void send_retrieval();
+  void send(const Queued& telecommand);
+  [[nodiscard]] Queued make(std::string_view name, const std::vector<std::string>& arguments, bool spoiled);
+  [[nodiscard]] UtcTime utc() const { return truth_.utc(kernel_.now()); }
   void send_bd(const Queued& telecommand);
-  void uplink(Octets cltu);
+  MonotonicTime uplink(Octets cltu);
   void on_cadu(const Octets& cadu);
   void handle_ad();
+  void note_ad();
   [[nodiscard]] std::optional<Octets> frame(wire::TcFrameType type, std::uint8_t sequence, OctetView packet);
   [[nodiscard]] std::optional<Octets> control_frame(wire::ControlCommand command);
   [[nodiscard]] bool passes_line(Octets& octets, Random& random);
 
   Kernel& kernel_;
   const mission::Dictionary& dictionary_;
+  const sim::TrueTime& truth_;
   Random operator_;
+  Random files_operator_;
   Random noise_;
   wire::TcUplinkChannel channel_;
   const wire::SdlsKey& key_;
@@ -131,6 +172,8 @@ class Station {
   MonotonicTime up_free_;
   MonotonicTime down_free_;
   Deadline ad_timer_;
+  FileRecord& file_record_;
+  GroundFiles files_;
 };
 
 }  // namespace srfs::simulation

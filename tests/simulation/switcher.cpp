@@ -62,6 +62,11 @@ void Switcher::record_holder() {
   around_.record.holder = rotation_->holder();
 }
 
+void Switcher::note(const std::string& payload, SlotState state) {
+  const auto of = static_cast<std::uint64_t>(around_.find(payload)->lane());
+  host_.kernel().coverage().note(StateTable::slot, of, static_cast<std::uint8_t>(state));
+}
+
 void Switcher::arm() {
   deadline_.arm(rotation_->next_deadline());
   substitute_.arm(holdover_.next_substitute());
@@ -99,6 +104,8 @@ void Switcher::on_bus_status(const srfs_msgs::msg::BusStatus& status) {
     if (around_.ledger.open == report.grant) around_.ledger.open.reset();
     ++(report.kind == BusReport::Kind::failed ? around_.ledger.failed : around_.ledger.released);
   }
+  if (verdict == ReportVerdict::applied)
+    note(report.payload, report.kind == BusReport::Kind::taken ? SlotState::taken : SlotState::free);
   run(rotation_->on_early_release(host_.now()));
 }
 
@@ -185,6 +192,7 @@ void Switcher::carry_out(const Grant& action) {
   if (ledger.open && all_not_taken == ledger.not_taken_before)
     throw Violation{"S4", "a slot ended and was not counted"};
   if (std::exchange(ledger.open, std::nullopt)) ++ledger.not_taken;
+  for (const suite::Slot& slot : around_.slots) note(slot.payload, SlotState::free);  // all before ended
   ++ledger.granted;
   if (host_.now() >= action.granted + action.allotted) {
     rotation_->withdraw(action.id);
@@ -192,6 +200,7 @@ void Switcher::carry_out(const Grant& action) {
     return;
   }
   ledger.open = action.id;
+  note(action.payload, SlotState::granted);
   ledger.not_taken_before = all_not_taken;
   record_holder();
   host_.trace(around_.find(action.payload)->lane(), "grant", action.id.incarnation, action.id.counter);
@@ -207,6 +216,7 @@ void Switcher::carry_out(const Grant& action) {
 
 void Switcher::carry_out(const Recall& action) {
   if (std::exchange(around_.ledger.open, std::nullopt)) ++around_.ledger.recalled;
+  note(action.payload, SlotState::recalled);
   host_.trace(around_.find(action.payload)->lane(), "recall", action.id.incarnation, action.id.counter);
   around_.topics.task_flags.publish(host_, flag_of(action.id, action.received));
   watch_holder();
@@ -223,11 +233,13 @@ void Switcher::carry_out(const OrderReset& action) {
   m.payload = action.payload;
   m.reason = "bus held";
   host_.trace(around_.find(action.payload)->lane(), "overrun: reset the peripheral", action.id.counter);
+  note(action.payload, SlotState::reset_ordered);
   around_.topics.reset_peripheral.publish(host_, std::move(m));
 }
 
 void Switcher::carry_out(const Fence& action) {
   if (std::exchange(around_.ledger.open, std::nullopt)) ++around_.ledger.fenced;
+  note(action.payload, SlotState::fencing);
   host_.trace(around_.find(action.payload)->lane(), "fence", action.id.incarnation, action.id.counter);
   run(fence_.fence(action.payload, action.process));
 }

@@ -64,6 +64,9 @@ class Switcher final : public Program {
   void on_deadline();
   void arm();
   void record_holder();
+  /// Counts the transitions of the slot of a payload.
+  enum class SlotState : std::uint8_t { free, granted, taken, reset_ordered, fencing, recalled };
+  void note(const std::string& payload, SlotState state);
   [[nodiscard]] std::optional<HolderCpu> holder_cpu();
   void watch_holder();
   void run(HoldoverActions actions);

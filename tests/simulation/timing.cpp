@@ -113,6 +113,7 @@ void Timing::publish(const Tick& tick) {
   m.time_valid = time().pulse_clock().time_valid();
   m.monotonic_ns = static_cast<std::uint64_t>(tick.due.ns());
   m.sync_state = static_cast<std::uint8_t>(time().pulse_clock().state());
+  host_.kernel().coverage().note(StateTable::sync, host_.incarnation(), m.sync_state);
   m.period_us = static_cast<std::uint32_t>(tick_period / microseconds(1));
   m.incarnation = host_.incarnation();
   m.published_ns = static_cast<std::uint64_t>(host_.now().ns());

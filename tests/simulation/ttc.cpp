@@ -2,6 +2,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "tests/simulation/ttc.hpp"
 
+#include <mission/structures.hpp>
+
 #include "base/text.hpp"
 
 namespace srfs::simulation {
@@ -9,6 +11,9 @@ namespace {
 
 constexpr std::size_t journal_worker_capacity = 2;
 constexpr std::uint8_t telecommand_channel = 0;
+constexpr std::size_t store_quota_octets = 192U << 10;
+constexpr std::size_t store_segment_octets = 16U << 10;
+constexpr std::size_t store_pending_octets = 64U << 10;
 constexpr seconds command_loss{259'200};
 // Of the true time; the first tick corrects it.
 const UtcTime unknown_utc{seconds(1'767'225'600)};
@@ -20,8 +25,16 @@ std::optional<Stage> to_stage(std::uint8_t number) {
 
 }  // namespace
 
+void TtcFlash::set_failing(bool failing) {
+  journal.failing = failing;
+  stores.state().failing = failing;
+  files.set_failing(failing);
+}
+
 void TtcFlash::lose_power() {
-  journal.failing = false;
+  set_failing(false);
+  stores.lose_power();
+  files.lose_power();
   journal.lose_at = journal.calls;
   try {
     (void)journal.sync(0);
@@ -48,6 +61,8 @@ Ttc::Ttc(Host& host, TtcSurroundings surroundings)
       around_(std::move(surroundings)),
       medium_(around_.flash.journal),
       log_(medium_),
+      store_worker_(host, around_.disk),
+      file_worker_(host, around_.disk),
       timer_(host.kernel(), host.guard(), [this] {
         core_->on_deadline(host_.now());
         core_->on_line_idle(host_.now());
@@ -56,6 +71,8 @@ Ttc::Ttc(Host& host, TtcSurroundings surroundings)
 
 void Ttc::start() {
   core_.emplace(read_setup());
+  open_stores();
+  open_files();
   core_->restore(host_.now());
   run(core_->take_actions());
   subscribe();
@@ -67,13 +84,35 @@ void Ttc::start() {
 /// A kill or power cut in the middle of a write: nothing of it was done, or it was not synced, or all was.
 Ttc::~Ttc() {
   TtcFlash& flash = around_.flash;
-  flash.journal.failing = around_.disk.failing();
+  flash.set_failing(around_.disk.failing());
+  try {
+    end_work_in_flight();
+  } catch (const Violation& violation) {
+    host_.kernel().report(violation);
+  }
   if (journal_jobs_.empty() || flash.journal.failing) return;
   const auto calls = static_cast<unsigned>(flash.in_flight.below(flash.cut.size()));
   ++flash.cut.at(calls);
   medium_.end_after(calls);
   const JournalBatch& batch = journal_jobs_.front();
   (void)(batch.snapshot ? log_.snapshot(*batch.snapshot) : log_.append(batch.records, batch.sync));
+}
+
+/// The first jobs of the workers are done in part.
+void Ttc::end_work_in_flight() {
+  TtcFlash& flash = around_.flash;
+  flash.stores.state().changes_left = static_cast<unsigned>(flash.work_in_flight.below(12));
+  store_worker_.finish_first();
+  flash.stores.state().changes_left.reset();
+  flash.stores.on_end();
+  cfdp::MemoryFileStore& files = *flash.files.disk(FileRecord::End::board);
+  files.calls_until_kill = flash.work_in_flight.below(6);
+  files.kill_after_effect = flash.work_in_flight.one_in(2);
+  try {
+    file_worker_.finish_first();
+  } catch (const cfdp::Killed&) {
+  }
+  files.calls_until_kill.reset();
 }
 
 std::string Ttc::text_of(const std::string& name) const {
@@ -144,6 +183,8 @@ void Ttc::subscribe() {
                                 .period_us = tick.period_us,
                                 .time_valid = tick.time_valid,
                                 .sync_state = tick.sync_state};
+    around_.witness.on_time(UtcTime(seconds(received.utc_s) + nanoseconds(received.utc_ns)),
+                            received.time_valid);
     if (core_->on_tick(received, tick.cycle, host_.now()) || core_->waits_for_time()) advance();
   });
   topics.event.subscribe(host_, [this](const auto& m, Host&) {
@@ -187,6 +228,7 @@ void Ttc::start_periods() {
     core_->copy_link_state();
     core_->store_open_progress();
   });
+  every(seconds(30), [this] { core_->send_files_housekeeping(host_.now()); });
   every(seconds(5), [this] { core_->send_own_housekeeping({}, host_.now()); });
   every(seconds(30), [this] { core_->send_beacon(telecommand_channel, host_.now()); });
 }
@@ -245,7 +287,7 @@ void Ttc::work_on_journal() {
   host_.later(around_.disk.write_time(), [this] {
     const JournalBatch batch = std::move(journal_jobs_.front());
     journal_jobs_.pop_front();
-    around_.flash.journal.failing = around_.disk.failing();
+    around_.flash.set_failing(around_.disk.failing());
     const auto written =
         batch.snapshot ? log_.snapshot(*batch.snapshot) : log_.append(batch.records, batch.sync);
     host_.trace(Lane::world, written ? "journal written" : "journal not written", batch.revision);
@@ -281,18 +323,93 @@ void Ttc::carry_out(const CopyLinkState& action) {
 
 void Ttc::carry_out(const ForgetWantedFloor& /*action*/) {}
 
-void Ttc::carry_out(const CommitStores& action) {
-  host_.later(around_.disk.write_time(), [this, commit = std::make_shared<const CommitStores>(action)] {
-    core_->on_committed(*commit, {}, {});
-    advance();
+// ---------------------------------------------------------------- packet stores
+
+/// As TtcDisk does. The stores are small, so that segments are deleted for the quota.
+void Ttc::open_stores() {
+  around_.flash.set_failing(around_.disk.failing());
+  StoreLedger& ledger = around_.flash.stores;
+  stores_.emplace(around_.dictionary, [&ledger](const mission::PacketStore& store) {
+    return PacketStore({.folder = {},
+                        .quota_octets = store_quota_octets,
+                        .segment_octets = store_segment_octets,
+                        .pending_octets = store_pending_octets},
+                       std::make_unique<PlayedSegmentFiles>(ledger.disk(store.id)));
   });
+  stores_->open();
+  ledger.on_open(stores_->status());
+}
+
+void Ttc::append(const std::vector<StoreItem>& items) {
+  for (const StoreItem& item : items) {
+    stores_->append(item);
+    around_.flash.stores.on_append(item, stores_->status());
+  }
+}
+
+void Ttc::commit(const CommitStores& action) {
+  around_.flash.set_failing(around_.disk.failing());
+  stores_->set_bounded(action.bounded);
+  append(action.items);
+  stores_->commit();
+  around_.flash.stores.on_commit(stores_->status());
+}
+
+void Ttc::carry_out(const CommitStores& action) {
+  const auto committed = std::make_shared<const CommitStores>(action);
+  store_worker_.ask([this, committed] { commit(*committed); },
+                    [this, committed] {
+                      core_->on_committed(*committed, stores_->status(), {});
+                      advance();
+                    });
 }
 
 void Ttc::carry_out(const ReadStore& action) {
-  host_.later(around_.disk.write_time(), [this, read = std::make_shared<const ReadStore>(action)] {
-    core_->on_store_read(*read, std::nullopt, host_.now());
-    advance();
-  });
+  const auto read = std::make_shared<const ReadStore>(action);
+  const auto packets = std::make_shared<std::optional<RetrievedPackets>>();
+  store_worker_.ask(
+      [this, read, packets] {
+        around_.flash.set_failing(around_.disk.failing());
+        append(read->items);
+        *packets = stores_->read(read->batch.period.store, read->batch.period.range, read->batch.cursor,
+                                 PacketRetrieval::batch_octets);
+        around_.flash.stores.on_read(*read, *packets, stores_->status());
+      },
+      [this, read, packets] {
+        core_->on_store_read(*read, std::move(*packets), host_.now());
+        advance();
+      });
+}
+
+// ---------------------------------------------------------------- files
+
+/// As FilesFolder does.
+void Ttc::open_files() {
+  const auto& disk = around_.flash.files.disk(FileRecord::End::board);
+  files_ = std::make_unique<cfdp::TransferFolders>(
+      disk, disk->checkpoint, cfdp::Settings{.own_entity = 2, .peer_entity = 1, .free_floor_octets = 0},
+      first_transaction(host_.now()), host_.now());
+  if (files_->damaged()) throw Violation{"L12", "the checkpoint of the files cannot be read"};
+}
+
+void Ttc::carry_out(const TakeFilesTurn& action) {
+  const auto turn = std::make_shared<const cfdp::TransferTurn>(action.turn);
+  const auto result = std::make_shared<Result<cfdp::TransferTurnResult, std::string>>();
+  file_worker_.ask(
+      [this, turn, result] {
+        around_.flash.set_failing(around_.disk.failing());
+        *result = cfdp::take_turn(*files_, *turn, host_.now());
+        for (const cfdp::News& news : (*result)->news)
+          around_.flash.files.on_news(FileRecord::End::board, news);
+      },
+      [this, result] {
+        core_->on_files_turn(*result, host_.now());
+        advance();
+      });
+}
+
+void Ttc::carry_out(const ServeFile& /*action*/) {
+  core_->on_file_refused(host_.now());
 }
 
 // ---------------------------------------------------------------- other nodes
@@ -313,6 +430,7 @@ void Ttc::carry_out(const PublishTelecommand& action) {
 
 void Ttc::carry_out(const PublishMode& action) {
   host_.trace(host_.lane(), "mode", static_cast<std::uint64_t>(action.mode));
+  host_.kernel().coverage().note(StateTable::mode, 0, static_cast<std::uint8_t>(action.mode));
 }
 
 void Ttc::carry_out(const RaiseEvent& action) {
@@ -339,14 +457,6 @@ void Ttc::carry_out(const CallParameter& action) {
     core_->parameters().on_error(number, ParameterCallError::no_answer);
     advance();
   });
-}
-
-void Ttc::carry_out(const ServeFile& /*action*/) {
-  core_->on_file_refused(host_.now());
-}
-
-void Ttc::carry_out(const TakeFilesTurn& /*action*/) {
-  core_->on_files_turn_refused(host_.now());
 }
 
 void Ttc::carry_out(const ServeImaging& /*action*/) {}

@@ -12,6 +12,9 @@
 #include "nodes/ttc/test/simulated_medium.hpp"
 #include "nodes/ttc/ttc_core.hpp"
 #include "tests/simulation/disk.hpp"
+#include "tests/simulation/file_record.hpp"
+#include "tests/simulation/played_worker.hpp"
+#include "tests/simulation/store_ledger.hpp"
 #include "tests/simulation/topics.hpp"
 
 namespace srfs::simulation {
@@ -34,14 +37,22 @@ class EndingMedium final : public JournalMedium {
 /// The medium of ttc's journal: what was written and not synced is lost with the power, in any order, whole
 /// or in part; not with the process. The other state of ttc that is no text file.
 struct TtcFlash {
-  explicit TtcFlash(Kernel& kernel)
-      : journal(kernel.random("flash").next()), in_flight(kernel.random("journal in flight")) {}
+  TtcFlash(Kernel& kernel, const mission::Dictionary& dictionary)
+      : journal(kernel.random("flash").next()),
+        in_flight(kernel.random("journal in flight")),
+        stores(kernel, dictionary),
+        files(kernel),
+        work_in_flight(kernel.random("work in flight")) {}
   testing_support::SimulatedMedium journal;
   LinkState link_copy;
   wire::TmFrameCounts frame_counts;  ///< in the mapped page: outlives the process, and what is read at a boot
   Random in_flight;                  ///< how far a write came in which the process ended
   std::array<std::uint64_t, 3> cut{};  ///< of them: nothing was written, written, written and synced
+  StoreLedger stores;
+  FileRecord files;
+  Random work_in_flight;  ///< the same of the workers of stores and files
   void lose_power();
+  void set_failing(bool failing);
 };
 
 /// Sees what ttc does, for the invariants.
@@ -54,6 +65,8 @@ class TtcWitness {
   virtual void on_storage_lost() = 0;
   /// Octets leave on the line to the ground.
   virtual void on_cadu(const Octets& cadu) = 0;
+  /// The spacecraft's time.
+  virtual void on_time(UtcTime utc, bool valid) = 0;
 };
 
 struct TtcSurroundings {
@@ -71,8 +84,8 @@ struct TtcSurroundings {
   TtcWitness& witness;
 };
 
-/// ttc's logic (TtcCore with its journal, JournalLog and all services) with what TtcNode, TtcDisk and
-/// StoredState translate, over played surroundings.
+/// ttc's logic (TtcCore with its journal, JournalLog, all services, PacketStores, cfdp::TransferFolders) with
+/// what TtcNode, TtcDisk and StoredState translate, over played surroundings.
 class Ttc final : public Program {
  public:
   Ttc(Host& host, TtcSurroundings surroundings);
@@ -116,6 +129,11 @@ class Ttc final : public Program {
   void carry_out(const AcceptanceSent& action);
   void carry_out(const LogLine& action);
   void work_on_journal();
+  void open_stores();
+  void commit(const CommitStores& action);
+  void append(const std::vector<StoreItem>& items);
+  void open_files();
+  void end_work_in_flight();
 
   Host& host_;
   TtcSurroundings around_;
@@ -124,6 +142,10 @@ class Ttc final : public Program {
   std::optional<TtcCore> core_;
   ActionQueue<TtcAction> actions_;
   std::deque<JournalBatch> journal_jobs_;  ///< the first is being written
+  std::optional<PacketStores> stores_;
+  std::unique_ptr<cfdp::TransferFolders> files_;
+  PlayedWorker store_worker_;
+  PlayedWorker file_worker_;
   Deadline timer_;
 };
 

@@ -194,7 +194,7 @@ TEST_F(SimulationProcess, AKilledWriterLeavesTheOldFileOrTheNewOne) {
 TEST(SimulationJournal, AWriteInWhichTheProcessEndsIsNotDoneOrUnsyncedOrDone) {
   for (const unsigned calls : {0U, 1U, 2U}) {
     Kernel kernel(1);
-    TtcFlash flash(kernel);
+    TtcFlash flash(kernel, mission::Dictionary::load(mission::Dictionary::default_folder()));
     EndingMedium medium(flash.journal);
     JournalLog log(medium);
     (void)log.load();

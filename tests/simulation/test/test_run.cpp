@@ -36,7 +36,13 @@ TEST(Simulation, WhatFailedOnceHolds) {
   // 108: the disk lacked that a by_id command was executed, the peripheral lost its ids, the node restarted.
   const std::vector<Case> cases{
       {108, "kill,kill_at_action,late_messages,failing_disk,babbling_peripheral,bus_errors,bus_off",
-       seconds(2200)}};
+       seconds(2200)},
+      // 18: while the disk failed a file was sent; the next process gave its number to another file, which
+      // the ground took for the first one.
+      {18,
+       "stop,starve,late_messages,slow_disk,failing_disk,power_cut,silent_peripheral,garbled_peripheral,"
+       "babbling_peripheral,bus_errors,line_noise,gps",
+       seconds(500)}};
   for (const Case& c : cases) {
     const RunOutcome outcome = fly(c.seed, c.duration, *faults_from(c.faults));
     EXPECT_FALSE(outcome.violation) << "seed " << c.seed << ": " << outcome.violation->text;
@@ -58,6 +64,26 @@ TEST(Simulation, WithoutFaultsEveryTickHasItsSlotAndNoProcessIsStartedTwice) {
   EXPECT_EQ(outcome.starts, 9U);
   EXPECT_EQ(outcome.boots, 1U);
   EXPECT_GT(outcome.slots, 5980U);
+}
+
+TEST(Simulation, StoresFilesScheduleAndPackagesTakePart) {
+  const RunOutcome outcome = fly(8, seconds(800), *faults_from("kill,power_cut,line_noise"));
+  ASSERT_FALSE(outcome.violation) << outcome.violation->requirement << ": " << outcome.violation->text;
+  EXPECT_GT(outcome.stored, 1000U);
+  EXPECT_GT(outcome.retrieved, 3U);
+  EXPECT_GT(outcome.released, 5U);
+  EXPECT_GT(outcome.files, 5U);
+  EXPECT_GT(outcome.installed, 1U);
+}
+
+TEST(Simulation, ThePlotChangesNothingOfTheRun) {
+  std::string svg;
+  const RunSettings settings{.seed = 8, .faults = swarm_of(8), .duration = seconds(120)};
+  RunSettings plotted = settings;
+  plotted.plot = &svg;
+  EXPECT_EQ(run(settings).hash, run(plotted).hash);
+  EXPECT_EQ(svg.find("<svg"), 0U);
+  EXPECT_NE(svg.find("</svg>"), std::string::npos);
 }
 
 TEST(Simulation, FaultsAreInjectedAndProcessesAndComputerComeBack) {

@@ -1,0 +1,140 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
+#include "tests/simulation/store_ledger.hpp"
+
+#include <fmt/format.h>
+
+#include "base/crc32c.hpp"
+
+namespace srfs::simulation {
+
+StoreLedger::StoreLedger(Kernel& kernel, const mission::Dictionary& dictionary) {
+  for (const mission::PacketStore& store : dictionary.stores())
+    accounts_.emplace(store.id,
+                      Account{.disk = SegmentDisk(kernel.random("packet store " + store.name), state_)});
+}
+
+void StoreLedger::on_open(const PacketStoresStatus& status) {
+  for (const auto& [id, store] : status.stores) accounts_.at(id).next_sequence = store.next_sequence;
+  check();
+}
+
+void StoreLedger::on_end() {
+  for (auto& [store, account] : accounts_) {
+    account.pending.clear();
+    account.appended = 0;
+    account.overwritten = 0;
+  }
+  readings_ = {};
+  read_.clear();
+  played_back_.clear();
+}
+
+void StoreLedger::on_append(const StoreItem& item, const PacketStoresStatus& status) {
+  const auto found = accounts_.find(item.store);
+  if (found == accounts_.end()) return;
+  Account& account = found->second;
+  ++account.appended;
+  for (const auto& [id, store] : status.stores) {
+    if (id != item.store) continue;
+    if (store.next_sequence != account.next_sequence)
+      account.pending[store.next_sequence - 1] = crc32c(item.packet);
+    account.next_sequence = store.next_sequence;
+  }
+}
+
+void StoreLedger::on_commit(const PacketStoresStatus& status) {
+  for (const auto& [id, store] : status.stores) settle(accounts_.at(id), store);
+}
+
+void StoreLedger::note_overwritten(Account& account, const PacketStoreStatus& status) {
+  if (status.counters.overwritten == account.overwritten) return;
+  account.overwritten = status.counters.overwritten;
+  ++counters_.overwritten;
+  const auto there = account.disk.records();
+  const std::uint32_t floor = there.empty() ? status.next_sequence : there.front().sequence;
+  account.owed.erase(account.owed.begin(), account.owed.lower_bound(floor));
+}
+
+void StoreLedger::settle(Account& account, const PacketStoreStatus& status) {
+  note_overwritten(account, status);
+  account.next_sequence = status.next_sequence;
+  if (status.failing) return;
+  const auto& counted = status.counters;
+  if (account.appended != counted.stored + counted.refused + counted.full)
+    throw Violation{"L6",
+                    fmt::format("packets are neither stored nor counted: {} given, {} stored, {} refused",
+                                account.appended, counted.stored, counted.refused + counted.full)};
+  counters_.stored += account.pending.size();
+  account.owed.merge(account.pending);
+  account.pending.clear();
+}
+
+void StoreLedger::check() const {
+  for (const auto& [store, account] : accounts_) {
+    const auto there = account.disk.records();
+    std::size_t at = 0;
+    for (const auto& [sequence, checksum] : account.owed) {
+      while (at < there.size() && there[at].sequence < sequence) ++at;
+      if (at == there.size() || there[at].sequence != sequence || there[at].checksum != checksum)
+        throw Violation{"L6", fmt::format("a packet that was synced is not there: store {}, sequence {}",
+                                          store, sequence)};
+    }
+  }
+}
+
+std::vector<std::uint32_t> StoreLedger::expected_of(std::uint16_t store, const RetrievalRange& range,
+                                                    const RetrievalCursor& begun) const {
+  std::vector<std::uint32_t> expected;
+  for (const StoredRecord& record : accounts_.at(store).disk.records()) {
+    if (record.at >= range.from && record.at <= range.to && record.sequence >= begun.begin_sequence &&
+        record.sequence < *begun.end_sequence)
+      expected.push_back(record.checksum);
+  }
+  return expected;
+}
+
+void StoreLedger::on_read(const ReadStore& read, const std::optional<RetrievedPackets>& packets,
+                          const PacketStoresStatus& status) {
+  for (const auto& [id, store] : status.stores) note_overwritten(accounts_.at(id), store);
+  auto& reading = readings_.at(read.open_retrieval ? 1 : 0);
+  if (!packets || packets->damaged) return reading.reset();
+  const StorePeriod& period = read.batch.period;
+  const auto account = accounts_.find(period.store);
+  if (account == accounts_.end()) return reading.reset();
+  if (!read.batch.cursor.end_sequence)
+    reading = Reading{.overwritten = account->second.overwritten,
+                      .expected = expected_of(period.store, period.range, packets->next),
+                      .got = {}};
+  if (!reading) return;
+  for (const Octets& packet : packets->packets) reading->got.push_back(crc32c(packet));
+  if (!packets->finished) return;
+  const bool deleted = account->second.overwritten != reading->overwritten;
+  if (!deleted && reading->got != reading->expected)
+    throw Violation{"S8", fmt::format("a retrieval read other packets than the store has: {} instead of {}",
+                                      reading->got.size(), reading->expected.size())};
+  ++counters_.retrieved;
+  if (!read.open_retrieval) read_.push_back(std::move(reading->got));
+  reading.reset();
+}
+
+void StoreLedger::on_played_back(OctetView packet) {
+  if (readings_[0] || !read_.empty()) ++played_back_[crc32c(packet)];
+}
+
+void StoreLedger::on_retrieval_completed() {
+  if (read_.empty()) return;  // an earlier process read it
+  for (const std::uint32_t checksum : read_.front()) {
+    const auto found = played_back_.find(checksum);
+    if (found == played_back_.end())
+      throw Violation{"S8", "a retrieval is reported complete, and a packet of it was not sent"};
+  }
+  read_.pop_front();
+  if (read_.empty() && !readings_[0]) played_back_.clear();
+}
+
+void StoreLedger::lose_power() {
+  for (auto& [store, account] : accounts_) account.disk.lose_power();
+}
+
+}  // namespace srfs::simulation
