@@ -49,6 +49,7 @@ if(SRFS_WERROR)
   target_compile_options(srfs_compile_options INTERFACE -Werror)
 endif()
 if(SRFS_SANITIZE)
+  target_compile_definitions(srfs_compile_options INTERFACE SRFS_SANITIZED)  # clang and gcc have different names for it
   target_compile_options(srfs_compile_options INTERFACE -fsanitize=${SRFS_SANITIZE} -fno-omit-frame-pointer
     -fno-sanitize-recover=all $<$<CXX_COMPILER_ID:GNU>:-Wno-maybe-uninitialized>)
   target_link_options(srfs_compile_options INTERFACE -fsanitize=${SRFS_SANITIZE})

@@ -50,6 +50,8 @@ function(srfs_precompile name group)
     target_include_directories(${owner} PRIVATE ${srfs_SOURCE_DIR}/lib ${srfs_SOURCE_DIR})
     target_link_libraries(${owner} PRIVATE srfs::compile_options ${ARG_DEPS})
     target_compile_options(${owner} PRIVATE ${ARG_OPTIONS})
+    # The time of a header in it would make one of ccache's useless ("has been modified since the precompiled header was built").
+    target_compile_options(${owner} PRIVATE "$<$<CXX_COMPILER_ID:Clang>:SHELL:-Xclang -fno-pch-timestamp>")
     target_precompile_headers(${owner} PRIVATE ${ARG_HEADERS})
   endif()
   target_precompile_headers(${name} REUSE_FROM ${owner})

@@ -6,7 +6,7 @@ namespace srfs::testing_support {
 
 /// Whether this is a build with AddressSanitizer or ThreadSanitizer: several times slower, and with terabytes
 /// of shadow memory.
-#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
+#ifdef SRFS_SANITIZED
 constexpr bool sanitized = true;
 #else
 constexpr bool sanitized = false;

@@ -174,7 +174,7 @@ Step limit_resources(const Limits& limits, bool own_user) {
   if (limit(RLIMIT_MSGQUEUE, 0) != 0) return failed("RLIMIT_MSGQUEUE");
   if (limit(RLIMIT_SIGPENDING, 256) != 0) return failed("RLIMIT_SIGPENDING");
   if (limit(RLIMIT_NICE, 0) != 0 || limit(RLIMIT_RTPRIO, 0) != 0) return failed("RLIMIT_NICE");
-#if !defined(__SANITIZE_ADDRESS__) && !defined(__SANITIZE_THREAD__)  // they map terabytes
+#ifndef SRFS_SANITIZED                               // they map terabytes
   constexpr rlim_t reserved_addresses = 4ULL << 30;  // stacks and heaps of threads, never touched
   if (limit(RLIMIT_AS, limits.memory_octets + reserved_addresses) != 0) return failed("RLIMIT_AS");
   if (limit(RLIMIT_DATA, limits.memory_octets) != 0) return failed("RLIMIT_DATA");
