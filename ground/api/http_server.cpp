@@ -23,6 +23,7 @@ namespace {
 constexpr int backlog = 64;
 constexpr int send_buffer_octets = 32'768;  ///< so that a reader that stalls is noticed
 constexpr milliseconds exhausted_pause{100};
+constexpr seconds place_patience{2};
 
 /// What a refused request still sends is taken and dropped: a connection that is closed before loses the
 /// answer.
@@ -154,14 +155,14 @@ void HttpServer::accept_all() {
   }
 }
 
-/// mutex_ is held. The connection that gives way ends by itself; so it may be one too many for a moment.
-bool HttpServer::make_place() {
+/// @param lock  of mutex_. The connection that gives way ends by itself, which takes the newcomer a moment.
+bool HttpServer::make_place(std::unique_lock<std::mutex>& lock) {
   if (connections_.size() < connections_max) return true;
   for (auto& [number, connection] : connections_) {
     if (connection.known) continue;
     connection.known = true;  // once
     static_cast<void>(::shutdown(connection.socket, SHUT_RDWR));
-    return connections_.size() < connections_max + connections_max / 4;
+    return ended_.wait_for(lock, place_patience, [this] { return connections_.size() < connections_max; });
   }
   return false;
 }
@@ -171,8 +172,8 @@ void HttpServer::take(Fd socket) {
   static_cast<void>(::setsockopt(socket.get(), IPPROTO_TCP, TCP_NODELAY, &on, sizeof on));
   static_cast<void>(
       ::setsockopt(socket.get(), SOL_SOCKET, SO_SNDBUF, &send_buffer_octets, sizeof send_buffer_octets));
-  const std::lock_guard lock(mutex_);
-  if (!make_place()) return;  // closed
+  std::unique_lock lock(mutex_);
+  if (!make_place(lock)) return;  // closed
   const std::uint64_t number = next_number_++;
   connections_[number] = {socket.get(), false};
   try {

@@ -88,7 +88,7 @@ class HttpServer {
   void serve(std::uint64_t number, const Fd& socket);
   /// @return whether the connection goes on
   [[nodiscard]] bool serve_request(std::uint64_t number, Transport& transport, std::string& input);
-  [[nodiscard]] bool make_place();
+  [[nodiscard]] bool make_place(std::unique_lock<std::mutex>& lock);
 
   Fd listener_;
   Fd stop_;
