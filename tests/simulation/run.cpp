@@ -118,6 +118,7 @@ RunOutcome run(const RunSettings& settings) {
   outcome.released = spacecraft.commands().counters().released;
   outcome.stored = spacecraft.ttc_flash().stores.counters().stored;
   outcome.retrieved = spacecraft.ttc_flash().stores.counters().retrieved;
+  outcome.packages = spacecraft.packages().counters().made;
   outcome.installed = spacecraft.packages().counters().installed;
   outcome.files = spacecraft.ttc_flash().files.counters().arrived;
   for (std::size_t i = 0; i < spacecraft.node_count(); ++i)

@@ -38,7 +38,8 @@ struct RunOutcome {
   std::uint64_t stored = 0;     ///< packets in the stores, synced
   std::uint64_t retrieved = 0;  ///< periods of them, compared
   std::uint64_t files = 0;      ///< that arrived, compared
-  std::uint64_t installed = 0;  ///< packages
+  std::uint64_t packages = 0;   ///< made
+  std::uint64_t installed = 0;  ///< of them
   std::uint64_t starts = 0;     ///< of processes
   std::uint32_t boots = 0;
   std::uint64_t faults = 0;  ///< injected
