@@ -44,8 +44,9 @@ class RescueTest(SystemTest):
             self.assertIn("ttc", board.order("rescue.list", "path=state")[1])
             for path in ("log/timing.log", "state/ring/faults.log", "state/boot/step_a"):
                 self.assertTrue(board.order("rescue.fetch", f"path={path}")[0])
-            board.ground("files", "--duration", "2")
             came = board.station / "ground" / "files"
+            wanted = [came / name for name in ("log_timing.log", "state_ring_faults.log", "state_boot_step_a")]
+            wait_until(lambda: board.ground("files", "--duration", "2") and all(file.exists() for file in wanted), DEADLINE_S, "the files come down")
             self.assertIn("timing", (came / "log_timing.log").read_text())
             self.assertIn("step1 ", (came / "state_boot_step_a").read_text())
             ledger = [json.loads(line.split("\t")[0]) for line in (came / "state_ring_faults.log").read_text().splitlines()]
