@@ -26,9 +26,12 @@ bool same_folder(const std::filesystem::path& a, const std::filesystem::path& b)
 
 }  // namespace
 
-std::vector<NodeProcess> node_processes(const std::filesystem::path& var) {
+namespace {
+
+/// Calls @p visit(process, command line) for every other process.
+template <class F>
+void for_each_process(F visit) {
   constexpr std::size_t longest = 65536;
-  std::vector<NodeProcess> found;
   std::error_code ec;
   for (std::filesystem::directory_iterator entry("/proc", ec), end; !ec && entry != end;
        entry.increment(ec)) {
@@ -36,10 +39,31 @@ std::vector<NodeProcess> node_processes(const std::filesystem::path& var) {
     if (!pid || *pid == getpid()) continue;
     auto process = Process::open(*pid);
     const auto line = read_file(entry->path() / "cmdline", longest);
-    if (!process || !line || !same_folder(word_behind(*line, "--var"), var)) continue;
-    if (std::string node = word_behind(*line, "--name"); !node.empty())
-      found.push_back({std::move(node), std::move(*process)});
+    if (process && line) visit(std::move(*process), *line);
   }
+}
+
+}  // namespace
+
+std::vector<NodeProcess> node_processes(const std::filesystem::path& var) {
+  std::vector<NodeProcess> found;
+  for_each_process([&](Process process, const std::string& line) {
+    if (!same_folder(word_behind(line, "--var"), var)) return;
+    if (std::string node = word_behind(line, "--name"); !node.empty())
+      found.push_back({std::move(node), std::move(process)});
+  });
+  return found;
+}
+
+std::vector<Process> starter_processes(const std::filesystem::path& var) {
+  std::vector<Process> found;
+  const std::string folder = '\0' + std::filesystem::absolute(var).string() + '\0';
+  for_each_process([&](Process process, const std::string& line) {
+    if (line.find(folder) == std::string::npos) return;
+    const bool waits = std::filesystem::path(line.c_str()).filename() == "srfs-starter";
+    if (waits || line.find(std::string("\0serve-starter\0", 15)) != std::string::npos)
+      found.push_back(std::move(process));
+  });
   return found;
 }
 

@@ -20,4 +20,7 @@ struct NodeProcess {
 /// exec still has the command line of its starter and is not. Blocks as /proc does.
 [[nodiscard]] std::vector<NodeProcess> node_processes(const std::filesystem::path& var);
 
+/// The starters beside its nodes (starter.hpp).
+[[nodiscard]] std::vector<Process> starter_processes(const std::filesystem::path& var);
+
 }  // namespace srfs::suite

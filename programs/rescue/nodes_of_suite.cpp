@@ -65,8 +65,10 @@ bool end_suite(const std::filesystem::path& var) {
   for (int look = 0; look < most_looks && empty_looks < looks_to_be_sure; ++look) {
     if (look > 0) pause_for(between_looks);
     const auto nodes = suite::node_processes(var);
+    const auto starters = suite::starter_processes(var);
     const auto owners = holders(var);
-    empty_looks = nodes.empty() && owners.empty() ? empty_looks + 1 : 0;
+    empty_looks = nodes.empty() && starters.empty() && owners.empty() ? empty_looks + 1 : 0;
+    for (const Process& starter : starters) (void)starter.signal(SIGKILL);
     for (const auto& node : nodes) (void)node.process.signal(SIGKILL);
     for (const pid_t owner : owners) kill(owner, SIGKILL);
   }

@@ -102,31 +102,11 @@ std::vector<NodeProcess> processes_of(const Target& target) {
   return running;
 }
 
-/// The starters beside its nodes (suite/starter.hpp).
-std::vector<Process> starters_of(const Target& target) {
-  constexpr std::size_t longest = 65536;
-  std::vector<Process> found;
-  std::error_code ec;
-  const std::string var = '\0' + std::filesystem::absolute(target.var.root).string() + '\0';
-  for (std::filesystem::directory_iterator entry("/proc", ec);
-       !ec && entry != std::filesystem::directory_iterator(); entry.increment(ec)) {
-    const pid_t pid = std::atoi(entry->path().filename().c_str());
-    if (pid <= 0 || pid == getpid()) continue;
-    auto process = Process::open(pid);
-    const auto line = read_file(entry->path() / "cmdline", longest);
-    if (!process || !line || line->find(var) == std::string::npos) continue;
-    const bool waits = std::filesystem::path(line->c_str()).filename() == "srfs-starter";
-    if (waits || line->find(std::string("\0serve-starter\0", 15)) != std::string::npos)
-      found.push_back(std::move(*process));
-  }
-  return found;
-}
-
 /// They end with their nodes; one that is stopped or hangs would start a node later.
 void end_starters(const Target& target) {
   constexpr seconds patience{3};  // what they write meanwhile has 2 s
   const MonotonicTime give_up = monotonic_now() + patience;
-  for (const Process& starter : starters_of(target)) {
+  for (const Process& starter : suite::starter_processes(target.var.root)) {
     if (starter.wait_for_exit(std::max<nanoseconds>(give_up - monotonic_now(), nanoseconds(0)))) continue;
     starter.signal(SIGKILL);
     (void)starter.wait_for_exit(seconds(1));
