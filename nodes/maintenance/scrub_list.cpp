@@ -41,8 +41,10 @@ std::vector<ScrubFile> files_to_scrub(const suite::Deployment& deployment, const
   std::vector<ScrubFile> files;
   files.push_back({deployment.file, ScrubKind::text, {}});
   for (const auto& file : deployment.extended) files.push_back({file, ScrubKind::text, {}});
-  add_files(files, installation.bin_folder, ScrubKind::program,
-            [](const path& file) { return file.filename() == "srfs" || file.filename() == "srfs-lane"; });
+  add_files(files, installation.bin_folder, ScrubKind::program, [](const path& file) {
+    const auto name = file.filename();
+    return name == "srfs" || name == "srfs-lane" || name == "srfs-starter" || name == "srfs_rescue";
+  });
   for (const suite::NodeEntry& node : deployment.nodes) {
     if (!node.executable.empty())  // an added node has its programs in the version store alone
       files.push_back({installation.bin_folder / node.executable, ScrubKind::program, {}});
