@@ -287,6 +287,19 @@ void allow_own(FileRules& rules, const Confinement::Place& place) {
   rules.allow(place.program, read_file | execute);
 }
 
+/// Root without privileges cannot come to it, for instance below an ordinary user's home.
+bool is_closed_to_root(fs::path folder) {
+  std::error_code ec;
+  folder = fs::absolute(folder, ec);
+  for (; !folder.empty(); folder = folder.parent_path()) {
+    struct stat status {};
+    if (stat(folder.c_str(), &status) == 0 && status.st_uid != 0 && (status.st_mode & S_IXOTH) == 0)
+      return true;
+    if (folder == folder.parent_path()) break;
+  }
+  return false;
+}
+
 }  // namespace
 
 const char* to_text(Trust trust) {
@@ -321,6 +334,12 @@ Confinement Confinement::make(const Place& place, Trust trust) {
   // Root in the folder of another user works by these.
   if (geteuid() == 0 && place.var.owner().value_or(0) != 0 && place.node.user.empty())
     c.capabilities_ |= bit_of(CAP_DAC_OVERRIDE) | bit_of(CAP_CHOWN) | bit_of(CAP_FOWNER);
+  std::error_code ec;
+  const fs::path programs = fs::read_symlink("/proc/self/exe", ec).parent_path();
+  if (trust == Trust::own && geteuid() == 0 &&
+      (is_closed_to_root(programs) || is_closed_to_root(place.var.root) ||
+       is_closed_to_root(place.deployment.file.parent_path())))
+    c.capabilities_ |= bit_of(CAP_DAC_READ_SEARCH);
   c.allow_files(place);
   c.make_filter(place);
   return c;
@@ -330,6 +349,10 @@ void Confinement::allow_files(const Place& place) {
   const long version = syscall(SYS_landlock_create_ruleset, nullptr, 0, LANDLOCK_CREATE_RULESET_VERSION);
   if (version < 0) {
     missing_ = "files (Landlock): " + errno_text(errno);
+    return;
+  }
+  if (version < 2) {  // it would let nobody move a file into another folder
+    missing_ = "files (Landlock): older than Linux 5.19";
     return;
   }
   FileRules rules(version);
@@ -343,9 +366,14 @@ void Confinement::allow_files(const Place& place) {
 }
 
 void Confinement::make_filter([[maybe_unused]] const Place& place) {
-#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
+#if defined(SRFS_SANITIZED) || defined(__SANITIZE_THREAD__)
   missing_ += "; system calls: a sanitizer needs them";
 #else
+  // A kernel that has filters finds that there is none at this address.
+  if (prctl(PR_SET_SECCOMP, SECCOMP_MODE_FILTER, nullptr, 0, 0) == 0 || errno != EFAULT) {
+    missing_ += "; system calls (seccomp): " + errno_text(errno);
+    return;
+  }
   const std::unique_ptr<void, decltype(&seccomp_release)> filter(seccomp_init(SCMP_ACT_ALLOW),
                                                                  &seccomp_release);
   int result = filter ? 0 : -ENOMEM;

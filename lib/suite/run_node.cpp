@@ -36,6 +36,7 @@ namespace {
 
 constexpr milliseconds longest_rest{200};
 constexpr seconds deployment_review{1};  ///< how often a node looks for added nodes
+constexpr seconds starter_review{1};
 constexpr seconds self_test_turns{1};
 constexpr seconds weight_reviews{10};
 
@@ -239,7 +240,20 @@ struct RingPart {
     return {RestartOutcome::What::cannot_start, 0, {}, outcome.error()};
   }
 
+  /// To be called each second, first a second after the start: a starter that was there and is gone was
+  /// killed, and can be had again as above.
+  void watch_starter() {
+    if (!own_starter) return;
+    const bool is_there = !own_starter->is_gone();
+    if (!is_there && starter_was_there) {
+      log::error("the node's starter was killed; this process ends, to be started again with one");
+      kill(getpid(), SIGTERM);
+    }
+    starter_was_there = is_there;
+  }
+
   std::optional<StarterClient> own_starter;
+  bool starter_was_there = false;
   Restarter restarter;
   LivenessRing ring;
 };
@@ -294,6 +308,12 @@ ExitCode work(ros::Executor& executor, Node& node, LiveDeployment& live, const N
   const ros::Timer changes = executor.add_timer(
       monotonic_now() + deployment_review, deployment_review,
       [&] { follow_added_nodes(live, node, ring ? &ring->ring : nullptr); }, "added nodes");
+  const ros::Timer starter_watch = executor.add_timer(
+      monotonic_now() + starter_review, starter_review,
+      [&] {
+        if (ring) ring->watch_starter();
+      },
+      "starter");
   const NodeRunner runner(executor, node,
                           suite::desired_state(node.var(), live.first(), node.name(), monotonic_now()),
                           session_niceness_of(entry.scheduling));

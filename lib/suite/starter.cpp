@@ -241,6 +241,11 @@ std::optional<StarterClient> StarterClient::of_this_process() {
   return StarterClient(Fd(starter_fd));
 }
 
+bool StarterClient::is_gone() const {
+  pollfd entry{socket_.get(), POLLRDHUP, 0};
+  return poll(&entry, 1, 0) == 1 && (entry.revents & (POLLRDHUP | POLLHUP | POLLERR)) != 0;
+}
+
 Result<RestartOutcome, std::string> StarterClient::restart(const Accusation& accusation) {
   const Request request = request_of(accusation, ++number_);
   const auto gone = [](int error) { return Err("the node's starter is gone: " + errno_text(error)); };

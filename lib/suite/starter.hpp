@@ -36,6 +36,8 @@ class StarterClient {
   /// As Restarter::restart. Blocks for 5 s at most. Error: the starter is gone, or has left two requests in a
   /// row without an answer.
   [[nodiscard]] Result<RestartOutcome, std::string> restart(const Accusation& accusation);
+  /// Does not block.
+  [[nodiscard]] bool is_gone() const;
   /// To a request of this process: it was able to work once.
   [[nodiscard]] bool has_answered() const { return has_answered_; }
   /// As Restarter's. Never block; what finds no room is lost.
