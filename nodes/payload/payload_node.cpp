@@ -724,7 +724,7 @@ bool PayloadNode::assign_inputs() {
 
 /// Line by line: on the board a line has one owner, and the others of the bank are other nodes'.
 void PayloadNode::read_inputs() {
-  if (reading_inputs_) return;  // a question to the device takes at most 20 ms
+  if (reading_inputs_) return;  // of a simulator that is late, for instance
   reading_inputs_ = gpio_worker_->ask(
       [this] {
         SensorInputs::Reading reading;

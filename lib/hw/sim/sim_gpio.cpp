@@ -13,7 +13,8 @@
 namespace srfs::hw {
 namespace {
 
-constexpr milliseconds answer_timeout{20};
+// A busy machine lets the simulator wait for a CPU. Callers ask on a worker thread.
+constexpr milliseconds answer_timeout{500};
 
 enum class Operation : std::uint8_t { read_line = 0, write_line = 1, read_bank = 2 };
 constexpr std::uint8_t status_ok = 0;
