@@ -8,6 +8,7 @@
 #include <fmt/format.h>
 
 #include "base/version.hpp"
+#include "ground/bounded_json.hpp"
 #include "ground/files.hpp"
 #include "ground/terminal_text.hpp"
 #include "ground/uplink.hpp"
@@ -107,7 +108,7 @@ Result<ClientHub::ClientId, std::string> ClientHub::on_connect(const std::string
 void ClientHub::on_disconnect(ClientId client) {
   const auto found = clients_.find(client);
   if (found == clients_.end()) return;
-  leave_ad(found->second);
+  if (const auto left = leave_ad(found->second); !left) hooks_.log(left.error());
   clients_.erase(client);
 }
 
@@ -116,8 +117,8 @@ void ClientHub::on_message(ClientId id, std::string_view text) {
   if (found == clients_.end() || found->second.closing) return;
   Client& client = found->second;
   try {
-    const auto message = nlohmann::json::parse(text, nullptr, false);
-    if (message.is_discarded()) throw std::invalid_argument("it is not JSON");
+    const auto message = parse_bounded(text);
+    if (message.is_discarded()) throw std::invalid_argument("it is not JSON, or nested too deeply");
     client.greeted ? answer(id, client, message) : greet(client, message);
   } catch (const nlohmann::json::exception& error) {
     sending_ = 0;
@@ -202,8 +203,7 @@ nlohmann::json ClientHub::carry_out(ClientId id, Client& client, const std::stri
   if (type == "select_keys") {
     const auto set = key_set_of(message.at("keys").get<std::string>());
     if (!set) throw std::invalid_argument("no set of keys");
-    link_.select_keys(*set, short_text(message.at("why")));
-    return nlohmann::json::object();
+    return outcome(link_.select_keys(*set, short_text(message.at("why"))));
   }
   if (type == "write") {
     const Octets octets = serve::octets_of(message.at("octets"));
@@ -272,7 +272,7 @@ nlohmann::json ClientHub::order_ad(Client& client, const std::string& type, cons
         fmt::format("the AD service is in use by {}; a directive would end it. End that client first", user));
   Result<void, std::string> done;
   if (type == "stop_ad") {
-    leave_ad(client);
+    done = leave_ad(client);
   } else {
     client.uses_ad = true;
     done = type == "start_ad" ? link_.start_ad()
@@ -289,9 +289,10 @@ nlohmann::json ClientHub::order_ad(Client& client, const std::string& type, cons
   return outcome(done);
 }
 
-void ClientHub::leave_ad(Client& client) {
-  if (!std::exchange(client.uses_ad, false)) return;
-  if (other_ad_user(client).empty()) link_.stop_ad();
+Result<void, std::string> ClientHub::leave_ad(Client& client) {
+  if (!std::exchange(client.uses_ad, false)) return {};
+  if (!other_ad_user(client).empty()) return {};
+  return link_.stop_ad();
 }
 
 nlohmann::json ClientHub::order_memory(const Client& client, const std::string& type,
@@ -320,7 +321,9 @@ nlohmann::json ClientHub::order_files(const std::string& type, const nlohmann::j
     const auto order = type == "suspend"  ? StationLink::TransferOrder::suspend
                        : type == "resume" ? StationLink::TransferOrder::resume
                                           : StationLink::TransferOrder::cancel;
-    reply["known"] = link_.order_transfer(*id, order);
+    const auto known = link_.order_transfer(*id, order);
+    if (!known) return refusal(known.error());
+    reply["known"] = *known;
   }
   reply["transfers"] = serve::to_message(link_.transfers());
   return reply;

@@ -389,27 +389,14 @@ void Console::tell_progress() {
   progress_shown_ = true;
 }
 
-bool Console::on_file_line(const std::string& verb, const std::vector<std::string>& words) {
-  StationLink& link = station_.link();
-  if (!link.carries_files()) return false;
-  if (verb == "put" && (words.size() == 1 || words.size() == 2)) {
-    const auto put = link.put(
-        words[0], words.size() == 2 ? words[1] : std::filesystem::path(words[0]).filename().string(), false);
-    if (!put) fail(put.error());
-    return true;
-  }
-  if (verb == "files" && words.empty()) {
-    for (const cfdp::Report& report : link.transfers()) write_json(to_json(report));
-    return true;
-  }
-  if (words.size() != 1 || (verb != "suspend" && verb != "resume" && verb != "cancel")) return false;
-  const auto id = parse_transaction(words[0]);
-  if (!id) return false;
-  const bool known = link.order_transfer(*id, verb == "suspend"  ? StationLink::TransferOrder::suspend
-                                              : verb == "resume" ? StationLink::TransferOrder::resume
-                                                                 : StationLink::TransferOrder::cancel);
-  if (!known) fail(fmt::format("no transfer with id {} is in progress", words[0]));
-  return true;
+void Console::on_transfer_order(const CommandLine& command) {
+  using Order = StationLink::TransferOrder;
+  const auto order = command.kind == CommandLine::Kind::suspend  ? Order::suspend
+                     : command.kind == CommandLine::Kind::resume ? Order::resume
+                                                                 : Order::cancel;
+  const auto known = station_.link().order_transfer(command.transfer, order);
+  if (!known) return fail(known.error());
+  if (!*known) fail(fmt::format("no transfer with id {} is in progress", to_text(command.transfer)));
 }
 
 Exit Console::session() {
@@ -471,8 +458,7 @@ Console::StepEnd Console::run_step(const ScriptStep& step) {
     case ScriptStep::Kind::ad_on:
       return station_.start_ad() ? initiated() : StepEnd::otherwise;
     case ScriptStep::Kind::ad_off:
-      station_.stop_ad();
-      return StepEnd::as_expected;
+      return station_.stop_ad() ? StepEnd::as_expected : StepEnd::otherwise;
     case ScriptStep::Kind::unlock:
       return station_.unlock() ? initiated() : StepEnd::otherwise;
     case ScriptStep::Kind::set_vr:
@@ -629,55 +615,43 @@ void Console::on_retrieval_over(const Retrieval& retrieval) {
 }
 
 void Console::on_line(const std::string& line) {
+  using Kind = CommandLine::Kind;
   ++line_;
-  std::vector<std::string> words = words_of(line);
-  const auto timeout = take_timeout(words);
-  if (!timeout) return fail(timeout.error());
-  const auto at = take_time_tag(words);
-  if (!at) return fail(at.error());
-  std::erase(words, "--wait");  // a session never blocks; the stages come when they come
-  if (words.empty() || words.front().starts_with('#')) return;
-  const std::string verb = words.front();
-  words.erase(words.begin());
-  if (verb == "ping" && words.empty()) return send("ttc.ping", {}, *timeout);
-  if ((verb == "tc" || verb == "arm") && !words.empty()) {
-    return send(words.front(), {words.begin() + 1, words.end()}, *timeout, *at,
-                verb == "arm" ? Sending::arming : Sending::itself);
+  const auto command = parse_command_line(line);
+  if (!command) return fail(command.error());
+  switch (command->kind) {
+    case Kind::nothing:
+      return;
+    case Kind::telecommand:
+    case Kind::arming:
+      return send(command->telecommand.name, command->telecommand.arguments, command->timeout, command->at,
+                  command->kind == Kind::arming ? Sending::arming : Sending::itself);
+    case Kind::ad_on:
+      return static_cast<void>(station_.start_ad());
+    case Kind::ad_off:
+      return static_cast<void>(station_.stop_ad());
+    case Kind::unlock:
+      return static_cast<void>(station_.unlock());
+    case Kind::set_vr:
+      return static_cast<void>(station_.set_vr(command->vr));
+    case Kind::clcw:
+      return on_cop(station_.cop());
+    case Kind::put:
+      if (const auto put = station_.link().put(command->file, command->name, false); !put) fail(put.error());
+      return;
+    case Kind::files:
+      for (const cfdp::Report& report : station_.link().transfers()) write_json(to_json(report));
+      return;
+    case Kind::suspend:
+    case Kind::resume:
+    case Kind::cancel:
+      return on_transfer_order(*command);
+    case Kind::stats:
+      return write_stats();
+    case Kind::quit:
+      interrupted_ = true;
+      return;
   }
-  if (verb == "retrieve" && (words.size() == 2 || words.size() == 3)) {
-    const std::string store = words.size() == 3 ? words[2] : "housekeeping";
-    return send("storage.retrieve", {"store=" + store, "from=" + words[0], "to=" + words[1]}, *timeout);
-  }
-  if (on_cop_line(verb, words) || on_file_line(verb, words)) return;
-  if (verb == "stats" && words.empty()) return write_stats();
-  if (verb == "quit" && words.empty()) {
-    interrupted_ = true;
-    return;
-  }
-  fail(fmt::format(
-      "'{}': expected ping | tc NAME [key=value ...] [--at TIME] | arm NAME [key=value ...] [--at TIME] | "
-      "retrieve FROM TO [STORE] | ad on|off | unlock | "
-      "setvr N | clcw | put FILE [NAME] | files | suspend ID | resume ID | cancel ID | stats | quit",
-      line));
-}
-
-bool Console::on_cop_line(const std::string& verb, const std::vector<std::string>& words) {
-  if (verb == "ad" && words == std::vector<std::string>{"on"}) {
-    station_.start_ad();
-  } else if (verb == "ad" && words == std::vector<std::string>{"off"}) {
-    station_.stop_ad();
-  } else if (verb == "unlock" && words.empty()) {
-    station_.unlock();
-  } else if (verb == "setvr" && words.size() == 1) {
-    const auto vr = to_number<std::uint8_t>(words[0]);
-    if (!vr) return false;
-    station_.set_vr(*vr);
-  } else if (verb == "clcw" && words.empty()) {
-    on_cop(station_.cop());
-  } else {
-    return false;
-  }
-  return true;
 }
 
 void Console::on_input() {

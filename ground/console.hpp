@@ -10,6 +10,7 @@
 
 #include "base/time.hpp"
 #include "ground/bridge.hpp"
+#include "ground/command_line.hpp"
 #include "ground/installation.hpp"
 #include "ground/latest_values.hpp"
 #include "ground/remote.hpp"
@@ -115,10 +116,7 @@ class Console {
   void on_keys(suite::AssociationSet set, const std::string& why);
   void tell_progress();
   [[nodiscard]] bool files_under_way();
-  /// @return whether the line was one about files
-  bool on_file_line(const std::string& verb, const std::vector<std::string>& words);
-  /// @return whether the line was one about COP-1
-  bool on_cop_line(const std::string& verb, const std::vector<std::string>& words);
+  void on_transfer_order(const CommandLine& command);
   /// Runs until the AD service is on or off.
   [[nodiscard]] Exit finish_initiation();
   enum class StepEnd : std::uint8_t { as_expected, otherwise, link_closed, interrupted };

@@ -71,9 +71,10 @@ Result<void, std::string> DirectLink::start_ad() {
   return {};
 }
 
-void DirectLink::stop_ad() {
+Result<void, std::string> DirectLink::stop_ad() {
   ad_.stop(monotonic_now());
   handle_ad();
+  return {};
 }
 
 Result<void, std::string> DirectLink::unlock() {
@@ -175,13 +176,16 @@ void DirectLink::follow_counters(const TelemetryReport& beacon) {
     if (warning) report_problem(*warning);
   }
   const auto spi = static_cast<std::uint16_t>(*number("sdls_spi.bd"));
-  if (const auto set = uplink_.set_of(spi)) select_keys(*set, "the beacon");
+  const auto set = uplink_.set_of(spi);
+  if (!set) return;
+  if (const auto selected = select_keys(*set, "the beacon"); !selected) report_problem(selected.error());
 }
 
-void DirectLink::select_keys(suite::AssociationSet set, const std::string& why) {
+Result<void, std::string> DirectLink::select_keys(suite::AssociationSet set, const std::string& why) {
   const auto changed = uplink_.select(set);
-  if (!changed) report_problem(changed.error());
-  if (changed && *changed && output_.keys) output_.keys(set, why);
+  if (!changed) return Err(changed.error());
+  if (*changed && output_.keys) output_.keys(set, why);
+  return {};
 }
 
 void DirectLink::carry_files(std::unique_ptr<cfdp::TransferFolders> transfer_folders) {
@@ -199,7 +203,7 @@ std::vector<cfdp::Report> DirectLink::transfers() const {
   return files_ == nullptr ? std::vector<cfdp::Report>{} : files_->entity().transactions();
 }
 
-bool DirectLink::order_transfer(cfdp::TransactionId id, TransferOrder order) {
+Result<bool, std::string> DirectLink::order_transfer(cfdp::TransactionId id, TransferOrder order) {
   if (files_ == nullptr) return false;
   const MonotonicTime now = monotonic_now();
   switch (order) {

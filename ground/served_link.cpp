@@ -239,7 +239,7 @@ Result<wire::RequestId, std::string> ServedLink::send(const TelecommandOrder& or
   message["arguments"] = order.arguments;
   message["number"] = order.number;
   message["ad"] = order.ad;
-  message["token"] = new_token();
+  message["token"] = order.token.empty() ? new_token() : order.token;
   const auto reply = call_once(message);
   if (!reply) {
     if (reply.error().error == ServerConnection::CallError::refused) return Err(reply.error().text);
@@ -266,13 +266,10 @@ Result<void, std::string> ServedLink::order_ad(nlohmann::json message) {
   return take_messages();
 }
 
-void ServedLink::stop_ad() {
-  if (const auto stopped = order_ad({{"type", "stop_ad"}}); !stopped) report_problem(stopped.error());
-}
-
-void ServedLink::select_keys(suite::AssociationSet set, const std::string& why) {
+Result<void, std::string> ServedLink::select_keys(suite::AssociationSet set, const std::string& why) {
   const auto reply = call({{"type", "select_keys"}, {"keys", to_text(set)}, {"why", why}});
-  if (!reply) report_problem(reply.error().text);
+  if (!reply) return Err(reply.error().text);
+  return {};
 }
 
 Result<void, std::string> ServedLink::fill_gaps() {
@@ -299,15 +296,12 @@ Result<cfdp::TransactionId, std::string> ServedLink::put(const std::filesystem::
   return *id;
 }
 
-bool ServedLink::order_transfer(cfdp::TransactionId id, TransferOrder order) {
+Result<bool, std::string> ServedLink::order_transfer(cfdp::TransactionId id, TransferOrder order) {
   const char* const type = order == TransferOrder::suspend  ? "suspend"
                            : order == TransferOrder::resume ? "resume"
                                                             : "cancel";
   const auto reply = call({{"type", type}, {"id", to_text(id)}});
-  if (!reply) {
-    report_problem(reply.error().text);
-    return true;  // whether there is such a transfer is not known
-  }
+  if (!reply) return Err(reply.error().text);
   transfers_ = serve::transfers_of(reply->at("transfers"));
   return reply->at("known").get<bool>();
 }

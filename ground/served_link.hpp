@@ -97,19 +97,21 @@ class ServedLink final : public StationLink {
   [[nodiscard]] Result<TelecommandPacket, std::string> make_packet(const TelecommandOrder& order) override;
   void settle() override {}
   [[nodiscard]] Result<void, std::string> start_ad() override { return order_ad({{"type", "start_ad"}}); }
-  void stop_ad() override;
+  [[nodiscard]] Result<void, std::string> stop_ad() override { return order_ad({{"type", "stop_ad"}}); }
   [[nodiscard]] Result<void, std::string> unlock() override { return order_ad({{"type", "unlock"}}); }
   [[nodiscard]] Result<void, std::string> set_vr(std::uint8_t vr) override {
     return order_ad({{"type", "set_vr"}, {"vr", vr}});
   }
   [[nodiscard]] CopReport cop() const override { return cop_; }
-  void select_keys(suite::AssociationSet set, const std::string& why) override;
+  [[nodiscard]] Result<void, std::string> select_keys(suite::AssociationSet set,
+                                                      const std::string& why) override;
   [[nodiscard]] std::uint8_t vc() const override { return vc_; }
   [[nodiscard]] bool carries_files() const override { return files_; }
   [[nodiscard]] Result<cfdp::TransactionId, std::string> put(const std::filesystem::path& file,
                                                              const std::string& name, bool resume) override;
   [[nodiscard]] std::vector<cfdp::Report> transfers() const override { return transfers_; }
-  [[nodiscard]] bool order_transfer(cfdp::TransactionId id, TransferOrder order) override;
+  [[nodiscard]] Result<bool, std::string> order_transfer(cfdp::TransactionId id,
+                                                         TransferOrder order) override;
   /// From now on the server fills gaps of its archive.
   [[nodiscard]] Result<void, std::string> fill_gaps();
   /// Notes in the archive that an event was seen. @param event  its number there

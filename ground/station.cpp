@@ -53,16 +53,17 @@ void Station::tell_stage_of_other(StageReport report) {
 
 Result<wire::RequestId, std::string> Station::send(const std::string& command,
                                                    const std::vector<std::string>& arguments,
-                                                   std::optional<milliseconds> patience, std::uint64_t tag) {
+                                                   std::optional<milliseconds> patience, std::uint64_t tag,
+                                                   const std::string& token) {
   const auto encoded = dictionary_.encode(command, arguments);
   if (!encoded) return Err(encoded.error().message);
-  return dispatch(*encoded, arguments, patience, tag, std::nullopt);
+  return dispatch(*encoded, arguments, patience, tag, token, std::nullopt);
 }
 
 Result<wire::RequestId, std::string> Station::send_at(UtcTime release, const std::string& command,
                                                       const std::vector<std::string>& arguments,
-                                                      std::optional<milliseconds> patience,
-                                                      std::uint64_t tag) {
+                                                      std::optional<milliseconds> patience, std::uint64_t tag,
+                                                      const std::string& token) {
   const auto encoded = dictionary_.encode(command, arguments);
   if (!encoded) return Err(encoded.error().message);
   const auto made = link_->make_packet({.command = *encoded, .arguments = arguments});
@@ -75,7 +76,8 @@ Result<wire::RequestId, std::string> Station::send_at(UtcTime release, const std
   const auto left = std::chrono::ceil<milliseconds>(release - system_utc_now());
   const milliseconds wait =
       std::max(left, milliseconds(0)) + patience.value_or(encoded->command->timeout + report_margin);
-  return dispatch(*insertion, inserted, std::nullopt, tag, Scheduled{made->request, encoded->command, wait});
+  return dispatch(*insertion, inserted, std::nullopt, tag, token,
+                  Scheduled{made->request, encoded->command, wait});
 }
 
 void Station::follow(const wire::RequestId& insertion, const std::optional<Scheduled>& scheduled,
@@ -98,7 +100,7 @@ void Station::on_insertion(const StageReport& report, MonotonicTime now) {
 Result<wire::RequestId, std::string> Station::dispatch(const mission::EncodedCommand& encoded,
                                                        const std::vector<std::string>& arguments,
                                                        std::optional<milliseconds> patience,
-                                                       std::uint64_t tag,
+                                                       std::uint64_t tag, const std::string& token,
                                                        const std::optional<Scheduled>& scheduled) {
   const bool retrieves = encoded.command->service == mission::StorageRetrieve::service &&
                          encoded.command->subtype == mission::StorageRetrieve::subtype;
@@ -114,8 +116,8 @@ Result<wire::RequestId, std::string> Station::dispatch(const mission::EncodedCom
   }
   const bool by_ad = link_->cop().phase != AdPhase::off;
   const std::uint64_t number = next_ad_number_++;
-  const auto request =
-      link_->send({.command = encoded, .arguments = arguments, .number = number, .ad = by_ad});
+  const auto request = link_->send(
+      {.command = encoded, .arguments = arguments, .number = number, .ad = by_ad, .token = token});
   if (request) {
     const MonotonicTime now = monotonic_now();
     if (by_ad) ad_telecommands_[number] = {*request, encoded.command, wait, tag};
@@ -150,8 +152,8 @@ bool Station::start_ad() {
   return ordered(link_->start_ad());
 }
 
-void Station::stop_ad() {
-  link_->stop_ad();
+bool Station::stop_ad() {
+  return ordered(link_->stop_ad());
 }
 
 bool Station::unlock() {
@@ -237,7 +239,8 @@ void Station::on_stage(const StageReport& stage, MonotonicTime now) {
   for (auto& retrieval : retrievals_) retrieval.on_stage(report, now);
   if (const auto asked = asked_keys_.find(report.tag); asked != asked_keys_.end() && report.is_final()) {
     // Even if it could not be stored, it holds until the spacecraft's next restart; the beacon shows it.
-    if (report.is_completed()) link_->select_keys(asked->second, "ttc.select_keys");
+    if (report.is_completed())
+      static_cast<void>(ordered(link_->select_keys(asked->second, "ttc.select_keys")));
     asked_keys_.erase(report.tag);
   }
   end_retrievals(now);

@@ -48,18 +48,22 @@ class Station {
   /// @param patience until the final report, of a retrieval anew with every packet; nullopt: as the
   /// dictionary says, and report_margin
   /// @param tag the caller's own, comes back in every report
+  /// @param token  unique: an order whose answer was lost is repeated with it, and not sent again; empty: one
+  /// of the link's own
   [[nodiscard]] Result<wire::RequestId, std::string> send(const std::string& command,
                                                           const std::vector<std::string>& arguments,
                                                           std::optional<milliseconds> patience,
-                                                          std::uint64_t tag);
+                                                          std::uint64_t tag, const std::string& token = "");
   /// The same for a telecommand that the spacecraft releases at @p release: it goes up in an insertion into
   /// the schedule (11,4), whose stages come first, marked as such. Then its own: scheduled, and from its
   /// release on as of any other.
   /// @param patience from the release on
+  /// @param token of the insertion
   [[nodiscard]] Result<wire::RequestId, std::string> send_at(UtcTime release, const std::string& command,
                                                              const std::vector<std::string>& arguments,
                                                              std::optional<milliseconds> patience,
-                                                             std::uint64_t tag);
+                                                             std::uint64_t tag,
+                                                             const std::string& token = "");
   /// Sends what arms a hazardous telecommand with these arguments (see arming_of); as send, with @p release
   /// as send_at.
   [[nodiscard]] Result<wire::RequestId, std::string> arm(const std::string& command,
@@ -70,10 +74,12 @@ class Station {
   /// The AD service (see AdService); news comes through the output. @return false: it could not be ordered,
   /// and the output has why
   bool start_ad();
-  void stop_ad();
+  bool stop_ad();
   bool unlock();
   bool set_vr(std::uint8_t vr);
   [[nodiscard]] CopReport cop() const { return link_->cop(); }
+  /// Telecommands of this user in the hands of the AD service.
+  [[nodiscard]] std::size_t in_ad() const { return ad_telecommands_.size(); }
 
   /// Files, counters and state of the line.
   [[nodiscard]] StationLink& link() { return *link_; }
@@ -115,7 +121,7 @@ class Station {
   [[nodiscard]] Result<wire::RequestId, std::string> dispatch(const mission::EncodedCommand& command,
                                                               const std::vector<std::string>& arguments,
                                                               std::optional<milliseconds> patience,
-                                                              std::uint64_t tag,
+                                                              std::uint64_t tag, const std::string& token,
                                                               const std::optional<Scheduled>& scheduled);
   void follow(const wire::RequestId& insertion, const std::optional<Scheduled>& scheduled, std::uint64_t tag,
               MonotonicTime now);

@@ -59,7 +59,7 @@ struct TelecommandOrder {
   bool ad = false;                                 ///< by the AD service
   std::optional<suite::AssociationSet> keys = {};  ///< of this BD frame; nullopt: those in use
   std::string who = {};                            ///< for the archive
-  std::string token = {};                          ///< likewise: unique
+  std::string token = {};  ///< likewise: unique; an order with a known one is not carried out again
 };
 
 /// The way to the spacecraft below telecommands and their stages: counters, keys, frames, COP-1, CFDP.
@@ -84,14 +84,15 @@ class StationLink {
 
   // The AD service (see AdService). The error: it cannot be ordered now.
   [[nodiscard]] virtual Result<void, std::string> start_ad() = 0;
-  virtual void stop_ad() = 0;
+  [[nodiscard]] virtual Result<void, std::string> stop_ad() = 0;
   [[nodiscard]] virtual Result<void, std::string> unlock() = 0;
   [[nodiscard]] virtual Result<void, std::string> set_vr(std::uint8_t vr) = 0;
   /// Phase off: telecommands of this user go as BD frames.
   [[nodiscard]] virtual CopReport cop() const = 0;
 
-  /// ttc.select_keys was completed.
-  virtual void select_keys(suite::AssociationSet set, const std::string& why) = 0;
+  /// ttc.select_keys was completed, or the operator orders it.
+  [[nodiscard]] virtual Result<void, std::string> select_keys(suite::AssociationSet set,
+                                                              const std::string& why) = 0;
   /// The telecommand channel.
   [[nodiscard]] virtual std::uint8_t vc() const = 0;
 
@@ -102,8 +103,9 @@ class StationLink {
                                                                      bool resume) = 0;
   [[nodiscard]] virtual std::vector<cfdp::Report> transfers() const = 0;
   enum class TransferOrder : std::uint8_t { suspend, resume, cancel };
-  /// @return whether there is such a transfer
-  [[nodiscard]] virtual bool order_transfer(cfdp::TransactionId id, TransferOrder order) = 0;
+  /// @return whether there is such a transfer; an error: that is not known
+  [[nodiscard]] virtual Result<bool, std::string> order_transfer(cfdp::TransactionId id,
+                                                                 TransferOrder order) = 0;
 
   /// For poll(2); -1: nothing to wait for but on_time().
   [[nodiscard]] virtual int fd() const = 0;

@@ -10,6 +10,7 @@
 #include <sys/stat.h>
 #include <nlohmann/json.hpp>
 
+#include "base/fd.hpp"
 #include "base/file.hpp"
 #include "base/text.hpp"
 

@@ -7,10 +7,10 @@
 #include <fcntl.h>
 #include <fmt/format.h>
 #include <openssl/crypto.h>
+#include <sys/file.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
-#include "base/fd.hpp"
 #include "base/file.hpp"
 #include "base/octets.hpp"
 #include "base/sha256.hpp"
@@ -83,6 +83,15 @@ std::optional<std::string> wrong_site(const HttpRequest& request, const Site& si
   if (!request.origin.empty() && request.origin != site.scheme + "://" + request.host)
     return "a page of another site asks";
   return std::nullopt;
+}
+
+Result<Fd, std::string> lock_web_file(const std::filesystem::path& state_dir) {
+  const auto path = state_dir / "web.lock";
+  constexpr mode_t owner_alone = 0600;
+  Fd lock(::open(path.c_str(), O_RDWR | O_CREAT | O_CLOEXEC | O_NOFOLLOW, owner_alone));
+  if (!lock) return Err(fmt::format("{}: cannot open: {}", path.string(), errno_text(errno)));
+  if (::flock(lock.get(), LOCK_EX | LOCK_NB) != 0) lock.reset();
+  return lock;
 }
 
 Result<WebFile, std::string> open_web_file(const std::filesystem::path& state_dir) {

@@ -10,6 +10,7 @@
 #include <string_view>
 #include <vector>
 
+#include "base/fd.hpp"
 #include "base/result.hpp"
 #include "ground/api/http.hpp"
 
@@ -53,5 +54,8 @@ struct WebFile {
 [[nodiscard]] Result<WebFile, std::string> open_web_file(const std::filesystem::path& state_dir);
 [[nodiscard]] Result<void, std::string> write_web_file(const std::filesystem::path& state_dir,
                                                        const WebFile& content);
+/// The right to write web.json: that of the first gateway of a folder, for as long as it runs (a lock on
+/// STATE/web.lock). Invalid: another gateway has it. The error is ready to print.
+[[nodiscard]] Result<Fd, std::string> lock_web_file(const std::filesystem::path& state_dir);
 
 }  // namespace srfs::ground::api

@@ -10,6 +10,8 @@
 #include <mission/structures.hpp>
 
 #include "base/file.hpp"
+#include "base/octets.hpp"
+#include "base/sha256.hpp"
 #include "base/text.hpp"
 #include "ground/api/web_files.hpp"
 #include "ground/archive/archive_report.hpp"
@@ -43,6 +45,22 @@ void remove_old_uploads(const std::filesystem::path& folder) {
     if (now - entry->last_write_time(unknown) > old && !unknown)
       std::filesystem::remove(entry->path(), unknown);
   }
+}
+
+/// What tells a request from another one of the same client.
+std::string digest_of(const HttpRequest& request) {
+  std::string text = request.method;
+  for (const std::string& segment : request.target.segments) text += "\n" + segment;
+  for (const auto& [name, value] : request.target.query) text += "\n" + name + "=" + value;
+  text += "\n\n" + request.body;
+  return to_hex(sha256_of({reinterpret_cast<const std::uint8_t*>(text.data()), text.size()}));
+}
+
+/// The token of a telecommand that may be repeated: server and archive know it, also after the end of this
+/// process. Of another request with the same key it is another one.
+std::string token_of(const HttpRequest& request) {
+  if (request.idempotency_key.empty()) return "";
+  return fmt::format("web-{}-{}", request.idempotency_key, digest_of(request));
 }
 
 std::string query_of(const Target& target, const std::string& name) {
@@ -214,7 +232,27 @@ HttpResponse Api::answer(const HttpRequest& request) {
   if (!is_api(request.target)) return page_file(settings_.web_root, request.target);
   const auto found = route_of(request.method, request.target);
   const auto* route = std::get_if<Found>(&found);
-  return route == nullptr ? error_response(404, "no such resource") : answer_route(request, *route);
+  if (route == nullptr) return error_response(404, "no such resource");
+  const bool orders = route->route->role == Role::commander;
+  return orders && !request.idempotency_key.empty() ? answer_once(request, *route)
+                                                    : answer_route(request, *route);
+}
+
+HttpResponse Api::answer_once(const HttpRequest& request, const Found& found) {
+  const std::string& key = request.idempotency_key;
+  if (!AnsweredOrders::is_key(key))
+    return error_response(400, fmt::format("'Idempotency-Key': expected {} to {} letters, digits, '-' or '_'",
+                                           AnsweredOrders::key_octets_min, AnsweredOrders::key_octets_max));
+  if (const auto known = answered_.begin(key, digest_of(request), HttpServer::write_patience)) return *known;
+  HttpResponse response = error_response(500, "the request has failed");
+  try {
+    response = answer_route(request, found);
+  } catch (...) {
+    answered_.end(key, response);
+    throw;
+  }
+  answered_.end(key, response);
+  return response;
 }
 
 HttpResponse Api::answer_route(const HttpRequest& request, const Found& found) {
@@ -246,13 +284,13 @@ HttpResponse Api::answer_route(const HttpRequest& request, const Found& found) {
     case Endpoint::schedule:
       return get_schedule();
     case Endpoint::telecommand:
-      return post_telecommand(request.body);
+      return post_telecommand(request.body, token_of(request));
     case Endpoint::uplink:
       return post_uplink(request);
     case Endpoint::order_transfer:
       return post_transfer(found.parameter, request.body);
     case Endpoint::retrieve:
-      return post_retrieve(request.body);
+      return post_retrieve(request.body, token_of(request));
     case Endpoint::fill_gaps:
       return gateway_.order([this] {
         const auto done = gateway_.link().fill_gaps();
@@ -428,10 +466,23 @@ HttpResponse Api::get_rows(const Target& target, Endpoint endpoint) {
   return rows ? json_response(200, *rows) : error_response(500, rows.error());
 }
 
-HttpResponse Api::post_telecommand(const std::string& body) {
-  const auto order = read_telecommand(body, dictionary_);
+std::optional<HttpResponse> Api::sent_before(const TelecommandRequest& order) const {
+  if (order.token.empty()) return std::nullopt;
+  const auto archive = open();
+  if (!archive) return std::nullopt;  // the server itself knows the token, too
+  const auto request = (*archive)->request_of(order.token);
+  if (!request || !*request) return std::nullopt;
+  nlohmann::json json{{"token", order.token}, {"id", request_text(**request)}, {"repeated", true}};
+  if (order.at) json["id"] = nullptr;  // that is the insertion
+  return json_response(202, json);
+}
+
+HttpResponse Api::post_telecommand(const std::string& body, const std::string& token) {
+  auto order = read_telecommand(body, dictionary_);
   if (!order) return order.error();
   if (order->check) return json_response(200, {{"octets", to_hex(order->encoded)}});
+  order->token = token;
+  if (const auto known = sent_before(*order)) return *known;
   return gateway_.order([this, &order] { return gateway_.send(*order); });
 }
 
@@ -466,13 +517,14 @@ HttpResponse Api::post_transfer(const std::string& id, const std::string& body) 
   if (!transaction) return error_response(400, "expected the id of a transfer, as in 1:17");
   if (!what) return error_response(400, "'order': expected suspend, resume or cancel");
   return gateway_.order([&] {
-    if (!gateway_.link().order_transfer(*transaction, *what))
-      return error_response(404, "no such transfer is under way");
+    const auto known = gateway_.link().order_transfer(*transaction, *what);
+    if (!known) return gateway_.refusal(known.error());
+    if (!*known) return error_response(404, "no such transfer is under way");
     return json_response(202, {{"id", id}});
   });
 }
 
-HttpResponse Api::post_retrieve(const std::string& body) {
+HttpResponse Api::post_retrieve(const std::string& body, const std::string& token) {
   const auto json = read_object(body);
   if (!json) return json.error();
   nlohmann::json arguments{{"store", "housekeeping"}};
@@ -480,7 +532,7 @@ HttpResponse Api::post_retrieve(const std::string& body) {
     if (json->contains(name)) arguments[name] = (*json)[name];
   }
   const nlohmann::json order{{"name", mission::StorageRetrieve::name}, {"arguments", arguments}};
-  return post_telecommand(order.dump(-1, ' ', true, nlohmann::json::error_handler_t::replace));
+  return post_telecommand(order.dump(-1, ' ', true, nlohmann::json::error_handler_t::replace), token);
 }
 
 HttpResponse Api::post_cop(const std::string& body) {
@@ -494,10 +546,18 @@ HttpResponse Api::post_cop(const std::string& body) {
     return error_response(400, "'vr': expected 0 to 255");
   if (!sets && order != "ad_on" && order != "ad_off" && order != "unlock")
     return error_response(400, "'order': expected ad_on, ad_off, unlock or set_vr");
+  const bool drops = json->value("drop", nlohmann::json(false)) == true;
   return gateway_.order([&] {
     ServedLink& link = gateway_.link();
+    // All pages and programs of the API are one user of the service: one of them ends it for all.
+    if (const std::size_t waiting = gateway_.in_ad(); order == "ad_off" && waiting != 0 && !drops)
+      return json_response(
+          409, {{"error", fmt::format("the AD service has {} telecommands of this API under way; \"drop\": "
+                                      "true ends it all the same",
+                                      waiting)},
+                {"under_way", waiting}});
     Result<void, std::string> done;
-    if (order == "ad_off") link.stop_ad();
+    if (order == "ad_off") done = link.stop_ad();
     if (order == "ad_on") done = link.start_ad();
     if (order == "unlock") done = link.unlock();
     if (sets) done = link.set_vr(static_cast<std::uint8_t>(vr.get<std::uint64_t>()));
@@ -513,8 +573,8 @@ HttpResponse Api::post_keys(const std::string& body) {
   if (!set || *set == suite::AssociationSet::contingency)
     return error_response(400, "'keys': expected a or b");
   return gateway_.order([&] {
-    gateway_.link().select_keys(*set, "ordered by the web");
-    return json_response(202, {{"keys", to_text(*set)}});
+    const auto done = gateway_.link().select_keys(*set, "ordered by the web");
+    return done ? json_response(202, {{"keys", to_text(*set)}}) : gateway_.refusal(done.error());
   });
 }
 
@@ -553,7 +613,9 @@ bool Api::replay(Transport& transport, std::int64_t& last) {
     });
     if (!read) return false;
     for (const StoredPacket& stored : packets) {
-      text += *stream_item(stored.id, archived_json(stored, **archive, dictionary_)).text;
+      nlohmann::json json = archived_json(stored, **archive, dictionary_);
+      json["received"] = to_iso8601(stored.received);  // what is replayed is no news
+      text += *stream_item(stored.id, json).text;
       last = stored.id;
     }
     more = packets.size() == replay_packets;

@@ -6,6 +6,7 @@
 #include <filesystem>
 #include <string>
 
+#include "ground/api/answered_orders.hpp"
 #include "ground/api/gateway.hpp"
 #include "ground/api/http_server.hpp"
 #include "ground/api/routes.hpp"
@@ -53,10 +54,15 @@ class Api final : public HttpApplication {
   /// Rows of the archive; an error of reading is 500.
   [[nodiscard]] HttpResponse get_rows(const Target& target, Endpoint endpoint);
   [[nodiscard]] Rows packets_of(Archive& archive, const RowQuery& query, bool events);
-  [[nodiscard]] HttpResponse post_telecommand(const std::string& body);
+  /// An order with a key: carried out once, answered as often as it comes.
+  [[nodiscard]] HttpResponse answer_once(const HttpRequest& request, const Found& found);
+  /// @param token  unique, of an order that may be repeated; empty: it is not
+  [[nodiscard]] HttpResponse post_telecommand(const std::string& body, const std::string& token);
+  /// The answer of a telecommand that an earlier gateway sent with this token.
+  [[nodiscard]] std::optional<HttpResponse> sent_before(const TelecommandRequest& order) const;
   [[nodiscard]] HttpResponse post_uplink(const HttpRequest& request);
   [[nodiscard]] HttpResponse post_transfer(const std::string& id, const std::string& body);
-  [[nodiscard]] HttpResponse post_retrieve(const std::string& body);
+  [[nodiscard]] HttpResponse post_retrieve(const std::string& body, const std::string& token);
   [[nodiscard]] HttpResponse post_cop(const std::string& body);
   [[nodiscard]] HttpResponse post_keys(const std::string& body);
   [[nodiscard]] HttpResponse post_acknowledge(const std::string& id, const std::string& body);
@@ -68,6 +74,7 @@ class Api final : public HttpApplication {
   Gateway& gateway_;
   Settings settings_;
   std::string dictionary_text_;
+  AnsweredOrders answered_;
   std::atomic<std::uint64_t> uploads_{0};
 };
 

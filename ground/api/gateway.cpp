@@ -230,8 +230,8 @@ HttpResponse Gateway::dispatch(const TelecommandRequest& order, const std::strin
   if (followed_.size() >= followed_max) followed_.erase(followed_.begin());
   followed_[tag] = token;
   const auto sent = order.at ? station_->send_at(order.at->at(system_utc_now()), order.name, order.arguments,
-                                                 std::nullopt, tag)
-                             : station_->send(order.name, order.arguments, std::nullopt, tag);
+                                                 std::nullopt, tag, order.token)
+                             : station_->send(order.name, order.arguments, std::nullopt, tag, order.token);
   if (!sent) {
     followed_.erase(tag);
     return refusal(sent.error());
@@ -240,7 +240,8 @@ HttpResponse Gateway::dispatch(const TelecommandRequest& order, const std::strin
 }
 
 HttpResponse Gateway::send(const TelecommandRequest& order) {
-  const std::string token = fmt::format("{}-{}", token_prefix_, next_tag_);
+  const std::string token =
+      order.token.empty() ? fmt::format("{}-{}", token_prefix_, next_tag_) : order.token;
   if (!order.arm) return dispatch(order, token);
   if (armings_.size() >= armings_max) return error_response(429, "too many telecommands are being armed");
   // Armed now, it would be refused at its release: an arming lasts half a minute.

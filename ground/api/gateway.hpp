@@ -66,6 +66,8 @@ class Gateway {
   [[nodiscard]] HttpResponse send(const TelecommandRequest& order);
   [[nodiscard]] Station& station() { return *station_; }
   [[nodiscard]] ServedLink& link() { return *link_; }
+  /// Telecommands in the hands of the AD service.
+  [[nodiscard]] std::size_t in_ad() const { return station_->in_ad(); }
   /// The answer to an order that was refused: the line is closed, or not now.
   [[nodiscard]] HttpResponse refusal(const std::string& why);
 

@@ -58,6 +58,8 @@ std::vector<std::string_view> split(std::string_view text, char separator) {
   }
 }
 
+constexpr const char* key_field = "Idempotency-Key";
+
 /// Of the fields that decide something a request has one at most.
 constexpr std::array single_fields{
     http::field::host,           http::field::origin,           http::field::authorization,
@@ -142,6 +144,7 @@ std::optional<HttpRefusal> RequestReader::read_head() {
   for (const auto field : single_fields) {
     if (message.count(field) > 1) return HttpRefusal{400, "a header field is there twice"};
   }
+  if (message.count(key_field) > 1) return HttpRefusal{400, "a header field is there twice"};
   if (parser_->chunked() || message.count(http::field::transfer_encoding) != 0)
     return HttpRefusal{411, "a body needs Content-Length"};
   if (message.count(http::field::content_encoding) != 0)
@@ -158,6 +161,7 @@ std::optional<HttpRefusal> RequestReader::read_head() {
               .origin = value(http::field::origin),
               .authorization = value(http::field::authorization),
               .last_event_id = value("Last-Event-ID"),
+              .idempotency_key = value(key_field),
               .content_octets = std::nullopt,
               .keep_alive = message.keep_alive(),
               .body = ""};

@@ -37,6 +37,7 @@ struct HttpRequest {
   std::string origin;  ///< empty: none
   std::string authorization;
   std::string last_event_id;
+  std::string idempotency_key;  ///< empty: none
   std::optional<std::uint64_t> content_octets;
   bool keep_alive = true;
   std::string body;

@@ -4,6 +4,7 @@
 
 #include <fmt/format.h>
 
+#include "ground/bounded_json.hpp"
 #include "ground/name_hint.hpp"
 
 namespace srfs::ground::api {
@@ -54,8 +55,10 @@ std::optional<std::string> take_members(const nlohmann::json& json, TelecommandR
 }  // namespace
 
 Result<nlohmann::json, HttpResponse> read_object(const std::string& body) {
-  auto json = nlohmann::json::parse(body, nullptr, false);
-  if (!json.is_object()) return Err(error_response(400, "the body is no JSON object"));
+  auto json = parse_bounded(body);
+  if (!json.is_object())
+    return Err(error_response(
+        400, fmt::format("the body is no JSON object, or nested deeper than {}", json_depth_max)));
   return json;
 }
 

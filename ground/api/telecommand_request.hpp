@@ -22,6 +22,7 @@ struct TelecommandRequest {
   bool arm = false;
   bool ad = false;
   bool check = false;  ///< encode alone
+  std::string token;   ///< unique, of a request that may be repeated; empty: it is not
   Octets encoded;      ///< packet data after the PUS header
 };
 

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <array>
 #include <chrono>
+#include <queue>
 
 #include <fcntl.h>
 #include <fmt/format.h>
@@ -26,7 +27,6 @@ namespace {
 
 constexpr std::size_t page_octets_max = 16U << 20;
 constexpr std::size_t file_octets_max = 64U << 20;
-constexpr std::size_t files_max = 5000;
 constexpr int picture_width_most = 2048;
 constexpr std::string_view png_mark = "\x89PNG";
 constexpr std::string_view jpeg_mark = "\xFF\xD8\xFF";
@@ -160,7 +160,14 @@ HttpResponse page_file(const std::filesystem::path& root, const Target& target) 
           .headers = {{"Cache-Control", "no-cache"}}};
 }
 
-nlohmann::json list_files(const std::filesystem::path& folder) {
+nlohmann::json list_files(const std::filesystem::path& folder, std::size_t most) {
+  struct Received {
+    UtcTime time;
+    std::string name;
+    off_t octets = 0;
+    bool operator<(const Received& other) const { return time > other.time; }  // the oldest is on top
+  };
+  std::priority_queue<Received> newest;
   nlohmann::json list = nlohmann::json::array();
   std::error_code error;
   for (std::filesystem::directory_iterator entry(folder, error), end; !error && entry != end;
@@ -168,13 +175,17 @@ nlohmann::json list_files(const std::filesystem::path& folder) {
     struct stat status {};
     if (::lstat(entry->path().c_str(), &status) != 0 || !S_ISREG(status.st_mode)) continue;
     const auto time = UtcTime(seconds(status.st_mtim.tv_sec) + nanoseconds(status.st_mtim.tv_nsec));
-    list.push_back({{"name", entry->path().filename().string()},
-                    {"octets", status.st_size},
-                    {"time", to_iso8601(time)},
-                    {"type", type_of_file(entry->path())}});
-    if (list.size() == files_max) break;
+    newest.push({time, entry->path().filename().string(), status.st_size});
+    if (newest.size() > most) newest.pop();
   }
-  std::sort(list.begin(), list.end(), [](const auto& a, const auto& b) { return a["time"] > b["time"]; });
+  for (; !newest.empty(); newest.pop()) {
+    const Received& file = newest.top();
+    list.push_back({{"name", file.name},
+                    {"octets", file.octets},
+                    {"time", to_iso8601(file.time)},
+                    {"type", type_of_file(folder / file.name)}});
+  }
+  std::reverse(list.begin(), list.end());
   return list;
 }
 

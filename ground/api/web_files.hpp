@@ -12,8 +12,8 @@ namespace srfs::ground::api {
 [[nodiscard]] HttpResponse page_file(const std::filesystem::path& root, const Target& target);
 
 /// Files that came down (STATE/files): [{name, octets, time, type: picture | strips | stars | findings | text
-/// | octets}].
-[[nodiscard]] nlohmann::json list_files(const std::filesystem::path& folder);
+/// | octets}], the newest first, at most @p most of them.
+[[nodiscard]] nlohmann::json list_files(const std::filesystem::path& folder, std::size_t most = 5000);
 /// One of them. @param view  "": as it is; "png": a picture that browsers show; "json": what a product
 /// contains
 [[nodiscard]] HttpResponse received_file(const std::filesystem::path& folder, const std::string& name,

@@ -74,18 +74,28 @@ Result<void, std::string> run_web_gateway(const mission::Dictionary& dictionary,
     if (!loaded) return Err(loaded.error());
     tls = std::move(*loaded);
   }
+  const auto lock = lock_web_file(state_dir);
+  if (!lock) return Err(lock.error());
+  const bool is_first = static_cast<bool>(*lock);
   auto file = open_web_file(state_dir);
   if (!file) return Err(file.error());
+  if (!is_first && file->url.empty())
+    return Err(std::string("another web gateway of this folder is starting; try again"));
   const Fd signals = termination_signals();
   ignore_broken_pipes();
   yield_to_the_server();
   auto gateway = Gateway::open(dictionary, state_dir);
   if (!gateway) return Err(gateway.error());
-  auto server = HttpServer::open(*address, port_of_url(file->url), tls);
+  auto server = HttpServer::open(*address, is_first ? port_of_url(file->url) : std::uint16_t{0}, tls);
   if (!server) return Err(server.error());
   const std::uint16_t port = (*server)->port();
   file->url = fmt::format("{}://{}:{}", tls ? "https" : "http", address->name, port);
-  if (const auto written = write_web_file(state_dir, *file); !written) return Err(written.error());
+  if (is_first) {
+    if (const auto written = write_web_file(state_dir, *file); !written) return Err(written.error());
+  } else {
+    std::fprintf(stderr, "srfs-ground: %s names the first web gateway of this folder, and stays as it is\n",
+                 (state_dir / web_file).c_str());
+  }
   Api api(dictionary, **gateway,
           {.state_dir = state_dir,
            .web_root = options.root.empty() ? default_web_root() : options.root,

@@ -44,7 +44,10 @@ class FakeLink final : public StationLink {
     }
     return {};
   }
-  void stop_ad() override { enter(AdPhase::off); }
+  Result<void, std::string> stop_ad() override {
+    enter(AdPhase::off);
+    return {};
+  }
   Result<void, std::string> unlock() override {
     enter(AdPhase::on);
     return {};
@@ -55,7 +58,11 @@ class FakeLink final : public StationLink {
     return {};
   }
   CopReport cop() const override { return report; }
-  void select_keys(suite::AssociationSet, const std::string&) override {}
+  Result<void, std::string> select_keys(suite::AssociationSet, const std::string&) override {
+    if (keys_problem.empty()) return {};
+    return Err(keys_problem);
+  }
+  std::string keys_problem;
   std::uint8_t vc() const override { return 0; }
   bool carries_files() const override { return false; }
   Result<cfdp::TransactionId, std::string> put(const std::filesystem::path&, const std::string&,
@@ -63,7 +70,7 @@ class FakeLink final : public StationLink {
     return Err(std::string("no files"));
   }
   std::vector<cfdp::Report> transfers() const override { return {}; }
-  bool order_transfer(cfdp::TransactionId, TransferOrder) override { return false; }
+  Result<bool, std::string> order_transfer(cfdp::TransactionId, TransferOrder) override { return false; }
   int fd() const override { return -1; }
   Result<void, std::string> on_readable() override { return {}; }
   Result<void, std::string> on_time() override { return {}; }
@@ -294,6 +301,17 @@ TEST_F(Hub, ClientThatSaysNothingDoesNotKeepItsPlace) {
   EXPECT_EQ(hub_.take_closing(), std::vector<ClientId>{*silent});
   drop_closing();
   EXPECT_TRUE(send(greeted, 1, false).contains("request")) << "it may be silent as long as it likes";
+}
+
+TEST_F(Hub, TellsWhyOtherKeysAreNotUsed) {
+  const ClientId id = client();
+  const auto select = [&] {
+    say(id, {{"type", "select_keys"}, {"call", ++calls_}, {"keys", "b"}, {"why", "test"}});
+    return next(id, "reply").value("error", "");
+  };
+  EXPECT_EQ(select(), "");
+  link_.keys_problem = "the disk is full";
+  EXPECT_EQ(select(), "the disk is full");
 }
 
 TEST_F(Hub, TellsWhyTheAdServiceDidNotStart) {

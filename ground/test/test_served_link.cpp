@@ -175,9 +175,9 @@ TEST_F(Served, TransferWhoseEndTheLastServerToldIsNotEndedAgain) {
                                        {"transfers", serve::to_message(std::vector<cfdp::Report>())}})});
   });
 
-  EXPECT_TRUE(link_->order_transfer({1, 1}, StationLink::TransferOrder::suspend));
-  EXPECT_TRUE(link_->order_transfer({1, 9}, StationLink::TransferOrder::resume)) << "not known: it ended";
-  EXPECT_TRUE(link_->order_transfer({1, 9}, StationLink::TransferOrder::cancel)) << "the next one";
+  EXPECT_EQ(link_->order_transfer({1, 1}, StationLink::TransferOrder::suspend), true);
+  EXPECT_FALSE(link_->order_transfer({1, 9}, StationLink::TransferOrder::resume)) << "not known: it ended";
+  EXPECT_EQ(link_->order_transfer({1, 9}, StationLink::TransferOrder::cancel), true) << "the next one";
   turn();
 
   ASSERT_EQ(news_.size(), 1U);
@@ -234,7 +234,7 @@ TEST_F(Served, AdServiceThatEndedIsNotStartedByTheNextServer) {
   ASSERT_TRUE(link_->start_ad());
   ASSERT_TRUE(until([&] { return link_->cop().phase == AdPhase::off; }));
 
-  link_->select_keys(suite::AssociationSet::b, "test");  // this server ends
+  EXPECT_FALSE(link_->select_keys(suite::AssociationSet::b, "test")) << "this server ends before it answers";
   ASSERT_TRUE(until([&] { return link_->telecommands_sent() == 2; }));
 
   EXPECT_EQ(hellos_with_ad, 0);

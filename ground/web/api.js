@@ -3,6 +3,8 @@
 // The HTTP API of `srfs-ground serve` (openapi.yaml beside this file): requests with the token, and the stream.
 
 const retry_ms = [300, 600, 1200, 2000];
+const repeat_ms = [300, 1000, 2500]; // of an order without an answer: the server knows its key, and carries it out once
+const order_patience_ms = 15000;
 const silent_after_ms = 25000; // the server writes at least a comment every 10 s
 
 /** A request that the server answered with an error. `status` is the HTTP code, `answer` its JSON object. 0: no answer at all. */
@@ -14,26 +16,47 @@ export class ApiError extends Error {
   }
 }
 
+export function new_key() {
+  const octets = crypto.getRandomValues(new Uint8Array(16));
+  return [...octets].map((octet) => octet.toString(16).padStart(2, "0")).join("");
+}
+
+/** Asks again where no answer came, until @p signal. */
+async function repeated(ask, signal) {
+  for (const pause of repeat_ms) {
+    try {
+      return await ask();
+    } catch (error) {
+      if (signal.aborted) throw error;
+    }
+    await new Promise((done) => setTimeout(done, pause));
+  }
+  return ask();
+}
+
 export class Api {
   constructor(token) {
     this.token = token;
   }
 
-  async request(path, { method = "GET", body, raw = false } = {}) {
+  /** @p key: that of an order which is repeated; a new order gets a new one. */
+  async request(path, { method = "GET", body, raw = false, key = new_key() } = {}) {
     const headers = { Authorization: `Bearer ${this.token}` };
+    if (method !== "GET") headers["Idempotency-Key"] = key;
     if (body !== undefined && !(body instanceof Blob)) {
       headers["Content-Type"] = "application/json";
       body = JSON.stringify(body);
     }
-    let response;
-    try {
-      // What waits (a browser has six connections to a server) must not go up later.
-      const signal = AbortSignal.timeout(body instanceof Blob ? 600_000 : 15_000);
-      response = await fetch(`api/v1/${path}`, { method, headers, body, cache: "no-store", signal });
-    } catch {
-      const error = method === "GET" ? "the server does not answer" : "no answer: not known whether it was sent, see the list";
+    // What waits (a browser has six connections to a server) must not go up later.
+    const signal = AbortSignal.timeout(body instanceof Blob ? 600_000 : order_patience_ms);
+    const ask = () => fetch(`api/v1/${path}`, { method, headers, body, cache: "no-store", signal });
+    const response = await (method === "GET" ? ask() : repeated(ask, signal)).catch(() => {
+      const error =
+        method === "GET"
+          ? "the server does not answer"
+          : "no answer: not known whether it was sent, see the list. The same order again is safe: the server carries it out once";
       throw new ApiError(0, { error });
-    }
+    });
     if (!response.ok) {
       let answer = {};
       try {
@@ -51,8 +74,8 @@ export class Api {
     return this.request(given.length ? `${path}?${new URLSearchParams(given)}` : path);
   }
 
-  post(path, body = {}) {
-    return this.request(path, { method: "POST", body });
+  post(path, body = {}, key = new_key()) {
+    return this.request(path, { method: "POST", body, key });
   }
 
   async file(name, view) {

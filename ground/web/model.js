@@ -253,7 +253,9 @@ export class Model {
     // A packet of the past, by retrieval, is no newest value.
     const known = this.structures.get(name);
     if (packet.vc !== 1 && !(known && known.time > packet.time)) {
-      const arrived = performance.now();
+      // One that is replayed after a new connection came then, and not now.
+      const age = packet.received ? Math.max(0, this.now() - Date.parse(packet.received)) : 0;
+      const arrived = performance.now() - age;
       this.structures.set(name, {
         name,
         time: packet.time,
@@ -262,7 +264,7 @@ export class Model {
         limits: packet.limits ?? {},
         arrived,
       });
-      if (!document.hidden) this.unpainted.push(arrived);
+      if (!document.hidden && !packet.received) this.unpainted.push(arrived);
     }
     this.#call("packet", packet);
     this.changed("values");
@@ -288,7 +290,7 @@ export class Model {
   /** A stage belongs to the newest telecommand with its request id that has not ended. Arguments and sender come from the archive. */
   #take_stage(stage) {
     let command = this.commands.find((known) => stage.id && known.request === stage.id && !(known.final && stage.stage === "sent"));
-    const time = new Date(this.now()).toISOString();
+    const time = stage.received ?? new Date(this.now()).toISOString();
     if (!command) {
       command = { id: 0, name: stage.command, request: stage.id, sent: time, arguments: null, stages: [], verdict: "sent", final: false };
       this.commands.unshift(command);

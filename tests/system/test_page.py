@@ -200,15 +200,40 @@ class PageTest(OneBrowser, unittest.TestCase):
         texts = self.page.text("table.events td.text").split("\n")
         self.assertEqual(sorted(texts), ["after", "before", "meanwhile"], "each once")
 
-    def test_old_values_have_their_age_at_the_top(self):
-        received = time.time() - 600
-        self.double.put("tm_packet", packet("health", {"mode": "safe"}), now=received)
-        self.double.put("tm_packet", packet("timing", {"offset_us": 1.0}, limits={"offset_us": "red"}), now=received)
+    def test_what_a_new_connection_replays_is_as_old_as_it_is(self):
         self.page.open("overview")
+        self.double.put("tm_packet", packet("health", {"mode": "nominal"}))
+        self.page.wait_for_text("#bar .mode", "nominal")
+        address = self.server.server_address
+        self.server.__exit__()
+        self.page.wait("return !document.getElementById('banner').hidden", "the banner")
+        received = time.time() - 600
+        self.double.put("tm_packet", packet("health", {"mode": "safe"}, sequence=2), now=received)
+        self.double.put("tm_packet", packet("timing", {"offset_us": 1.0}, limits={"offset_us": "red"}), now=received)
+        self.server = Server(self.double, address)
         self.page.wait_for_text("#bar .mode", "safe, 10 min")
         self.page.wait_for_text("#bar .limits", "1 of old values")
+        self.assertTrue(self.page.run("return srfs.model.value('health.mode').stale"))
         self.double.put("tm_packet", packet("health", {"mode": "nominal"}, sequence=3))
         self.page.wait("return document.querySelector('#bar .mode .value').innerText === 'nominal'", "a fresh value has no age")
+
+    def test_an_order_whose_answer_is_lost_is_repeated_and_carried_out_once(self):
+        self.page.open("commands/eps.switch_load")
+        self.page.argument("load", "2")
+        self.page.wait("return document.querySelector('form.command .send').disabled === false", "the form is good")
+        sent = lambda: [body for path, body in self.double.posted if path == "telecommands" and not json.loads(body).get("check")]  # noqa: E731
+        self.double.answers_lost = 2
+        self.page.click("form.command .send")
+        self.page.wait_for_text("#toasts", "eps.switch_load is on its way")
+        self.assertEqual(len(sent()), 1)
+        # No answer at all: the operator sends it again, which is the same order.
+        self.double.answers_lost = 1000  # a browser repeats a request by itself, too
+        self.page.click("form.command .send")
+        self.page.wait_for_text("#toasts", "eps.switch_load: no answer")
+        self.double.answers_lost = 0
+        self.page.click("form.command .send")
+        self.page.wait("return srfs.model.own.size === 2", "it was answered")
+        self.assertEqual(len(sent()), 2, sent())
 
     def test_a_refused_order_of_keys_cop1_or_a_transfer_is_shown(self):
         self.page.open("link")
@@ -228,6 +253,18 @@ class PageTest(OneBrowser, unittest.TestCase):
         self.page.wait_for_text("#toasts", "a.bin: the transfer has failed (cancel received)")
         self.double.put("cop", {"type": "cop", "service": "off", "state": "initial", "problem": "T1 ended too often", "clcw": None})
         self.page.wait_for_text("#toasts", "The AD service has ended: T1 ended too often")
+
+    def test_the_ad_service_is_one_for_all_pages_and_is_not_ended_unasked_while_it_carries_something(self):
+        self.page.open("commands/eps.switch_load")
+        self.double.put("cop", {"type": "cop", "service": "on", "state": "active", "clcw": None})
+        self.page.wait_for_text("form.command label.check", "on, for all pages of this server")
+        self.page.go("link")
+        self.double.refusals = {"cop": (409, {"error": "2 under way", "under_way": 2})}
+        self.page.wait("return [...document.querySelectorAll('main button')].some((b) => b.innerText === 'AD off' && !b.disabled && (b.click(), true))", "AD off")
+        self.page.wait_for_text("dialog[open]", "2 telecommands of the pages of this server are under way")
+        self.page.click("dialog[open] button.primary")
+        self.page.wait_for_text("#toasts", "The AD service ends")
+        self.assertEqual([json.loads(body) for path, body in self.double.posted if path == "cop"], [{"order": "ad_off"}, {"order": "ad_off", "drop": True}])
 
     def test_a_page_that_may_only_observe_offers_no_order(self):
         self.double.access = "observe"

@@ -234,6 +234,41 @@ class WebTest(SystemTest):
             self.assertEqual(stream.connections, 1, "the stream was not interrupted")
             self.assertEqual(web.gateway(), gateway, "it did not end")
 
+    def test_an_order_that_is_repeated_with_its_key_is_carried_out_once(self):
+        with self.web_flight() as (web, open_stream):
+            stream = open_stream()
+            wait_until(lambda: stream.events, DEADLINE_S, "the stream begins")
+            order = {"name": "eps.switch_load", "arguments": {"load": 2, "state": "on"}}
+            send = lambda body, key="order-1-of-this-test": web.ask("POST", "telecommands", body, headers={"Idempotency-Key": key})  # noqa: E731
+            answers = []
+            threads = [threading.Thread(target=lambda: answers.append(send(order))) for _ in range(8)]
+            for thread in threads:
+                thread.start()
+            for thread in threads:
+                thread.join()
+            self.assertEqual(answers, [answers[0]] * 8)
+            self.assertEqual(answers[0][0], 202, answers[0])
+            self.assertEqual(send({**order, "arguments": {"load": 1, "state": "on"}})[0], 422)
+            self.assertEqual(send(order, "a key")[0], 400)
+            self.assertEqual(send(order, "order-2-of-this-test")[0], 202, "another key is another order")
+            # Neither the end of the gateway nor that of the server makes it another order.
+            for end in (lambda: os.kill(web.gateway(), signal.SIGKILL), web.kill):
+                connections = stream.connections
+                end()
+                if web.process.poll() is not None:
+                    web.start()
+                wait_until(lambda c=connections: stream.connections > c, DEADLINE_S, "connected again")
+                status, again = send(order)
+                self.assertEqual((status, again["id"], again["repeated"]), (202, answers[0][1]["id"], True))
+            rows = web.ask("GET", "commands?limit=10")[1]
+            self.assertEqual([c["name"] for c in rows], ["eps.switch_load"] * 2)
+            # What is nested deeply, and too short to be long, ends nothing.
+            gateway = web.gateway()
+            deep = b'{"name":"ttc.ping","arguments":' + b"[" * 30000 + b"]" * 30000 + b"}"
+            for path in ("telecommands", "cop", "keys", "retrieve", "transfers/1:1", "events/1/acknowledge"):
+                self.assertEqual(web.ask("POST", path, deep)[0], 400, path)
+            self.assertEqual(web.gateway(), gateway)
+
     def test_other_machines_need_tls_and_a_name_of_the_certificate(self):
         certificate, key = self.folder / "station.pem", self.folder / "station.key"
         command = ["openssl", "req", "-x509", "-newkey", "ec", "-pkeyopt", "ec_paramgen_curve:P-256", "-nodes", "-days", "1", "-subj", "/CN=station.example"]
@@ -247,6 +282,7 @@ class WebTest(SystemTest):
             second = subprocess.Popen([*command, "--web-key", str(key)], stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, text=True)
             line = second.stdout.readline()
             self.assertTrue(line.startswith("web: https://0.0.0.0:"), line)
+            self.assertEqual(json.loads((self.var / "ground/web.json").read_text()), web.file, "the file is the first gateway's")
             port = int(line.split("/#")[0].rsplit(":", 1)[1])
 
             def ask(host):

@@ -84,6 +84,19 @@ TEST(WebFile, HoldsTokensThatStayAndThatTheOwnerAloneReads) {
   EXPECT_NE(open_web_file(folder.path() / "other")->tokens.command, made->tokens.command);
 }
 
+TEST(WebFile, IsWrittenByTheFirstGatewayOfAFolderAlone) {
+  const testing_support::TemporaryFolder folder;
+  auto first = lock_web_file(folder.path());
+  ASSERT_TRUE(first);
+  EXPECT_TRUE(static_cast<bool>(*first));
+  const auto second = lock_web_file(folder.path());
+  ASSERT_TRUE(second) << "it runs, and leaves the file as it is";
+  EXPECT_FALSE(static_cast<bool>(*second));
+  first->reset();
+  EXPECT_TRUE(static_cast<bool>(*lock_web_file(folder.path()))) << "the first one has ended";
+  EXPECT_FALSE(lock_web_file(folder.path() / "none"));
+}
+
 TEST(WebFile, WithShortTokensOrRubbishIsRefused) {
   const testing_support::TemporaryFolder folder;
   for (const char* text : {"", "[]", "{\"observe\":\"\",\"command\":\"\"}", "{\"observe\":1}"}) {

@@ -2,10 +2,16 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "ground/api/http.hpp"
 
+#include <chrono>
+#include <filesystem>
+#include <fstream>
 #include <random>
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+
+#include "ground/api/web_files.hpp"
+#include "tests/temporary_folder.hpp"
 
 namespace srfs::ground::api {
 namespace {
@@ -134,6 +140,22 @@ TEST(Response, ProtectsTheBrowserAndStatesItsLength) {
     EXPECT_THAT(head, HasSubstr(field));
   EXPECT_EQ(error_response(404, "no \"such\" file").body, "{\"error\":\"no \\\"such\\\" file\"}\n");
   EXPECT_THAT(json_response(200, {{"text", "a\xff\xe2\x80\xae"}}).body, HasSubstr("\\ufffd\\u202e"));
+}
+
+TEST(ReceivedFiles, AreListedTheNewestFirstAndCutAtTheOldest) {
+  const testing_support::TemporaryFolder folder;
+  const auto now = std::filesystem::file_time_type::clock::now();
+  for (int age = 0; age < 7; ++age) {
+    const auto file = folder.path() / ("file_" + std::to_string(age * 5 % 7));
+    std::ofstream(file) << age;
+    std::filesystem::last_write_time(file, now - std::chrono::minutes(age));
+  }
+  const auto list = list_files(folder.path(), 3);
+  ASSERT_EQ(list.size(), 3U);
+  EXPECT_EQ(list[0]["name"], "file_0");
+  EXPECT_EQ(list[1]["name"], "file_5");
+  EXPECT_EQ(list[2]["name"], "file_3");
+  EXPECT_EQ(list_files(folder.path()).size(), 7U);
 }
 
 }  // namespace

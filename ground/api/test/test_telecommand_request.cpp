@@ -6,6 +6,7 @@
 #include <gtest/gtest.h>
 
 #include "ground/api/api.hpp"
+#include "ground/bounded_json.hpp"
 #include "ground/dictionary_json.hpp"
 
 namespace srfs::ground::api {
@@ -81,6 +82,17 @@ TEST(TelecommandRequest, OfAnyOtherFormIsRefused) {
     EXPECT_EQ(order.error().status, 400) << body;
   }
   EXPECT_FALSE(read({{"name", "ttc.ping"}, {"arguments", {{"x", std::string(10'000, 'x')}}}}));
+}
+
+TEST(TelecommandRequest, ThatIsNestedDeeplyIsRefusedBeforeItIsBuilt) {
+  const auto nested = [](int depth) {
+    const auto levels = static_cast<std::size_t>(depth - 1);
+    return R"({"name":"ttc.ping","x":)" + std::string(levels, '[') + std::string(levels, ']') + "}";
+  };
+  EXPECT_TRUE(read_telecommand(nested(json_depth_max), dictionary()));
+  EXPECT_EQ(read_telecommand(nested(json_depth_max + 1), dictionary()).error().status, 400);
+  EXPECT_EQ(read_telecommand(nested(30'000), dictionary()).error().status, 400);
+  EXPECT_EQ(read_object(std::string(60'000, '[')).error().status, 400);
 }
 
 TEST(RowQuery, IsAPeriodAndABoundOrRefused) {

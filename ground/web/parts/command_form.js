@@ -3,6 +3,7 @@
 // The form of a telecommand, made from the dictionary. What is right is decided by the server alone: each change is encoded there
 // (check: true), and only what it encodes can be sent. Ranges and enumerations here only help to fill it in.
 
+import { new_key } from "../api.js";
 import { h, set_text, shape, toast } from "../dom.js";
 import { bounds_text, parse_time } from "../format.js";
 
@@ -21,6 +22,8 @@ export class CommandForm {
       value: values["@at"] ?? "",
     });
     this.ad = h("input", { type: "checkbox" });
+    this.ad_words = h("span");
+    this.unanswered = null; // {key, text} of an order without an answer: the same one again has its key
     this.confirm = h("input", {
       type: "text",
       autocomplete: "off",
@@ -36,8 +39,8 @@ export class CommandForm {
     this.checked = false;
     context.model.on("values", () => this.#show_refusal(), context.signal);
     context.model.on("connection", () => this.#on_connection(), context.signal);
-    context.model.on("station", () => this.#show_refusal(), context.signal);
-    this.#show_refusal();
+    context.model.on("station", () => this.#on_station(), context.signal);
+    this.#on_station();
     this.check();
   }
 
@@ -72,7 +75,7 @@ export class CommandForm {
         this.when,
         h("span.hint", {}, "The spacecraft releases it at this time. Empty: now."),
       ),
-      h("label.check", {}, this.ad, "with guaranteed delivery (AD service)"),
+      h("label.check", {}, this.ad, this.ad_words),
     );
     if (telecommand.hazardous)
       form.append(
@@ -145,6 +148,14 @@ export class CommandForm {
     if (this.context.model.connection.state === "open" && !this.checked) this.check();
   }
 
+  /** The AD service is one for all pages of this server: while it is on, every telecommand goes by it, in the order of the pages' sending. */
+  #on_station() {
+    const is_on = this.context.model.cop.service === "on";
+    if (is_on !== this.ad.disabled) Object.assign(this.ad, { disabled: is_on, checked: is_on });
+    set_text(this.ad_words, `with guaranteed delivery (AD service${is_on ? ": on, for all pages of this server" : ""})`);
+    this.#show_refusal();
+  }
+
   #show_refusal() {
     const why = this.context.model.refusal(this.telecommand);
     if (why === this.why) return;
@@ -171,13 +182,17 @@ export class CommandForm {
     try {
       const body = this.body();
       if (this.telecommand.hazardous) Object.assign(body, { arm: true, confirm: this.confirm.value.trim() });
-      const answer = await api.post("telecommands", body);
+      const text = JSON.stringify(body);
+      if (this.unanswered?.text !== text) this.unanswered = { key: new_key(), text };
+      const answer = await api.post("telecommands", body, this.unanswered.key);
+      this.unanswered = null;
       toast(`${this.telecommand.name} is on its way`);
       this.confirm.value = "";
       model.own.add(answer.token);
       this.on_sent?.(answer);
       await new Promise((done) => setTimeout(done, 1000)); // a double click sends once
     } catch (error) {
+      if (error.status !== 0) this.unanswered = null;
       set_text(this.problem, error.message);
       toast(`${this.telecommand.name}: ${error.message}`, "failed");
     }

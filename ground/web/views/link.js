@@ -28,9 +28,27 @@ function order(context, path, body, done) {
       await context.api.post(path, body());
       toast(done);
     } catch (error) {
-      toast(error.message, "failed");
+      if (error.answer?.under_way) ask_to_drop(context, path, body(), done, error.answer.under_way);
+      else toast(error.message, "failed");
     }
   };
+}
+
+/** Telecommands of any page are in the hands of the AD service: who ends it is to know. */
+function ask_to_drop(context, path, body, done, under_way) {
+  const end = async () => {
+    await order(context, path, () => ({ ...body, drop: true }), done)();
+    box.close();
+  };
+  const box = dialog(
+    "End the AD service",
+    h(
+      "p",
+      {},
+      `${under_way} telecommands of the pages of this server are under way by it. What was not transmitted is then not sent; what was is not repeated when it was lost.`,
+    ),
+    h("footer", {}, h("button.primary", { onclick: end }, "End it now"), h("button", { onclick: () => box.close() }, "Leave it on")),
+  );
 }
 
 function cop_panel(context) {
@@ -76,7 +94,13 @@ function cop_panel(context) {
     "section.panel.width-4",
     { "aria-label": "COP-1" },
     h("h2", {}, "COP-1"),
-    h("div.body", {}, rows, h("div.buttons", {}, ...buttons)),
+    h(
+      "div.body",
+      {},
+      rows,
+      h("p.hint", {}, "One AD service for all pages of this server: while it is on, their telecommands go by it, in the order in which they were sent."),
+      h("div.buttons", {}, ...buttons),
+    ),
   );
 }
 

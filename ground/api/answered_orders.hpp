@@ -1,0 +1,49 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <condition_variable>
+#include <cstddef>
+#include <deque>
+#include <map>
+#include <mutex>
+#include <optional>
+#include <string>
+
+#include "base/time.hpp"
+#include "ground/api/http.hpp"
+
+namespace srfs::ground::api {
+
+/// Orders with an Idempotency-Key: one whose answer was lost is repeated with its key, and is answered again
+/// instead of carried out again. Bounded: the newest kept_max orders that were carried out; the oldest is
+/// forgotten first. Refused orders are not kept: nothing was done, so they may be tried again. Any thread.
+class AnsweredOrders {
+ public:
+  static constexpr std::size_t kept_max = 1024;
+  static constexpr std::size_t key_octets_min = 8;
+  static constexpr std::size_t key_octets_max = 64;
+
+  /// Letters, digits, '-' and '_'.
+  [[nodiscard]] static bool is_key(const std::string& key);
+
+  /// @param digest  of the request: a key belongs to one request alone
+  /// @param patience  while another thread carries out the same order
+  /// @return nullopt: it is to be carried out, then end() is called; else its answer: that of the first
+  /// time, 422 for a key of another request, 409 when the first one has not ended within @p patience
+  [[nodiscard]] std::optional<HttpResponse> begin(const std::string& key, const std::string& digest,
+                                                  milliseconds patience);
+  void end(const std::string& key, const HttpResponse& answer);
+
+ private:
+  struct Order {
+    std::string digest;
+    std::optional<HttpResponse> answer;
+  };
+  std::mutex mutex_;
+  std::condition_variable ended_;
+  std::map<std::string, Order> orders_;
+  std::deque<std::string> kept_;  ///< keys of answered orders, the oldest first
+};
+
+}  // namespace srfs::ground::api
