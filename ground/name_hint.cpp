@@ -48,4 +48,12 @@ std::string did_you_mean(std::string_view name, const std::vector<std::string>& 
   return text + "?";
 }
 
+std::string explained(const mission::Dictionary& dictionary, const std::string& name,
+                      const std::string& why) {
+  if (dictionary.command(name) != nullptr) return why;
+  std::vector<std::string> known;
+  for (const auto& command : dictionary.commands()) known.push_back(command.name);
+  return why + did_you_mean(name, known);
+}
+
 }  // namespace srfs::ground

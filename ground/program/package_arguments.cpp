@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: 2026 SRFS contributors
 // SPDX-License-Identifier: Apache-2.0
-#include "ground/package_arguments.hpp"
+#include "ground/program/package_arguments.hpp"
 
 namespace srfs::ground {
 namespace {

@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: 2026 SRFS contributors
 // SPDX-License-Identifier: Apache-2.0
-#include "ground/program_help.hpp"
+#include "ground/program/program_help.hpp"
 
 #include <fmt/format.h>
 #include <CLI/CLI.hpp>

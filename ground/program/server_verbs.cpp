@@ -1,0 +1,169 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
+#include "ground/program/verbs.hpp"
+
+#include <chrono>
+#include <csignal>
+#include <cstdio>
+
+#include <fmt/format.h>
+#include <sys/prctl.h>
+#include <unistd.h>
+
+#include "ground/archive/recorder.hpp"
+#include "ground/bridge.hpp"
+#include "ground/server.hpp"
+
+namespace srfs::ground::program {
+namespace {
+
+struct UdpAddresses {
+  sockaddr_in tm;
+  sockaddr_in tc;
+};
+
+Result<UdpAddresses, std::string> udp_addresses(const Arguments& a) {
+  const auto tm = parse_udp_address(a.tm);
+  const auto tc = parse_udp_address(a.tc);
+  if (!tm || ntohs(tm->sin_port) == 0) return Err(a.tm + ": expected [HOST:]PORT, the host as a.b.c.d");
+  if (!tc) return Err(a.tc + ": expected [HOST:]PORT, the host as a.b.c.d");
+  return UdpAddresses{*tm, *tc};
+}
+
+// One function for each subcommand. What can be checked is checked before the port is opened.
+namespace verbs {
+
+Exit bridge(const Operation& operation) {
+  const Arguments& a = operation.arguments;
+  const auto udp = udp_addresses(a);
+  if (!udp) return fail(a, udp.error());
+  const auto link = link_of(a);
+  auto line = open_octets(operation, link);
+  if (!line) return fail(a, line.error());
+  auto opened = Bridge::open(link, std::move(*line), udp->tm, udp->tc);
+  if (!opened) return fail(a, opened.error());
+  if (!a.json)
+    std::printf("TM frames go to %s, CLTUs or TC frames are received at %s\n", to_text(udp->tm).c_str(),
+                to_text(opened->uplink_address()).c_str());
+  return run_bridge(*opened, a.json);
+}
+
+/// The archive of a server. nullptr: none; the station works without it.
+std::unique_ptr<Recorder> open_recorder(const Operation& operation) {
+  const Arguments& a = operation.arguments;
+  if (a.no_archive) return nullptr;
+  auto archive = open_archive(operation.state_dir / archive_name, ArchiveUse::write);
+  if (!archive) {
+    log_of_server(archive.error() +
+                  "; nothing is recorded until it is repaired (srfs-ground archive repair)");
+    return nullptr;
+  }
+  auto recorder = std::make_unique<Recorder>(std::move(*archive), operation.dictionary, log_of_server);
+  if (a.fill) recorder->fill_gaps();
+  if (a.keep_days > 0) {
+    const auto kept =
+        std::chrono::duration_cast<nanoseconds>(std::chrono::duration<double>(a.keep_days * 86400));
+    for (const char* table : {"packets", "telecommands", "files", "passes", "gaps"}) {
+      const auto pruned = recorder->archive().prune(table, system_utc_now() - kept);
+      if (!pruned) log_of_server(pruned.error());
+    }
+  }
+  return recorder;
+}
+
+/// The program of the web gateway, as this one was called.
+std::vector<std::string> web_command(const Operation& operation) {
+  const Arguments& a = operation.arguments;
+  std::vector<std::string> command{"/proc/self/exe",
+                                   "--port",
+                                   a.port,
+                                   "--deployment",
+                                   a.deployment,
+                                   "--state",
+                                   operation.state_dir.string()};
+  for (const std::string& fragment : a.fragments) command.insert(command.end(), {"--fragment", fragment});
+  command.insert(command.end(), {"web", a.web.address, "--owner", std::to_string(::getpid())});
+  const auto add = [&command](const char* option, const std::filesystem::path& path) {
+    if (!path.empty()) command.insert(command.end(), {option, path.string()});
+  };
+  add("--web-certificate", a.web.certificate);
+  add("--web-key", a.web.key);
+  add("--web-root", a.web.root);
+  return command;
+}
+
+Exit serve(const Operation& operation) {
+  const Arguments& a = operation.arguments;
+  if (const auto wrong = api::wrong_options(a.web)) return fail(a, *wrong);
+  const auto link = link_of(a);
+  auto server = Server::open(operation.state_dir);
+  if (!server) return fail(a, server.error());
+  auto line = open_line(operation, link, Port::closed(a.port), true);
+  if (!line) return fail(a, line.error());
+  const auto recorder = open_recorder(operation);
+  std::optional<api::WebKeeper> web;
+  if (a.web_option->count() > 0) web.emplace(web_command(operation), log_of_server);
+  std::printf("serving %s at %s\n", a.port.c_str(), server->socket().c_str());
+  std::fflush(stdout);
+  server->run(
+      **line, [&] { return Port::open(a.port, link.baud); }, fop_settings(a), recorder.get(),
+      [&web](MonotonicTime now) {
+        if (web) web->on_time(now);
+      });
+  return Exit::done;
+}
+
+/// Serves until a signal; with its server's end it ends, too.
+Exit web(const Operation& operation) {
+  const Arguments& a = operation.arguments;
+  if (a.owner != 0) {
+    static_cast<void>(::prctl(PR_SET_PDEATHSIG, SIGKILL));
+    if (::getppid() != a.owner) return Exit::done;  // it ended before
+  }
+  const auto done = api::run_web_gateway(operation.dictionary, operation.state_dir, a.web);
+  return done ? Exit::done : fail(a, done.error());
+}
+
+}  // namespace verbs
+
+void add_web(CLI::App& sub, Arguments& a) {
+  sub.add_option("--web-certificate", a.web.certificate, "PEM: HTTPS, needed where others reach it")
+      ->check(CLI::ExistingFile);
+  sub.add_option("--web-key", a.web.key, "PEM: the certificate's key")->check(CLI::ExistingFile);
+  sub.add_option("--web-root", a.web.root, "Folder of the page (default: that of the installation)")
+      ->check(CLI::ExistingDirectory);
+}
+
+}  // namespace
+
+void define_bridge(CLI::App& app, Arguments& a) {
+  CLI::App& bridge = add(app, a, "bridge",
+                         "Forward TM frames and CLTUs or TC frames between the port and UDP", verbs::bridge);
+  bridge.add_option("--tm", a.tm, "Destination of TM frames, [HOST:]PORT")->capture_default_str();
+  bridge.add_option("--tc", a.tc, "Where CLTUs or TC frames are received, [HOST:]PORT")
+      ->capture_default_str();
+}
+
+void define_server(CLI::App& app, Arguments& a) {
+  CLI::App& serve = add(app, a, "serve",
+                        "Own the line, share it among all other srfs-ground commands, and record what "
+                        "happens, until interrupted",
+                        verbs::serve);
+  serve.add_flag("--no-archive", a.no_archive, "Record nothing");
+  serve.add_flag("--fill", a.fill,
+                 "Retrieve missing packets from the packet stores on board, during contact");
+  serve.add_option("--keep-days", a.keep_days, "At the start, remove what is older (default: keep all)")
+      ->check(CLI::PositiveNumber);
+  a.web_option =
+      serve.add_option("--web", a.web.address, "Web page and HTTP API at [ADDRESS:]PORT; port 0: a free one")
+          ->expected(0, 1)
+          ->capture_default_str();
+  add_web(serve, a);
+  CLI::App& web =
+      add(app, a, "web", "Web page and HTTP API of the server that runs, until interrupted", verbs::web);
+  web.add_option("address", a.web.address, "[ADDRESS:]PORT; port 0: a free one")->capture_default_str();
+  web.add_option("--owner", a.owner)->group("");  // the server that started it
+  add_web(web, a);
+}
+
+}  // namespace srfs::ground::program
