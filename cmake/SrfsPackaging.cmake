@@ -26,7 +26,7 @@ endif()
 # Named here and not found by dpkg-shlibdeps, which knows no libraries of another architecture; tests/system/test_debian_package.py compares.
 set(CPACK_DEBIAN_PACKAGE_DEPENDS
   "libc6 (>= 2.36), libgcc-s1, libstdc++6 (>= 12)"
-  "libaec0, libcfitsio10, libfastcdr1, libfastrtps2.9, libfmt9, libgpiod2, libjpeg62-turbo, libpng16-16, libseccomp2, libsqlite3-0, libssl3, libtiff6"
+  "libaec0, libcfitsio10, libfastcdr1, libfastrtps2.9, libfmt9, libgpiod2, libjpeg62-turbo, libncursesw6, libpng16-16, libseccomp2, libsqlite3-0, libssl3, libtiff6, libtinfo6"
   "libyaml-cpp0.7, libzstd1, zlib1g"
   "adduser, iproute2")
 # What the lane compiles with (lib/update/README.md); without it everything but updates from source works.

@@ -8,6 +8,7 @@
 #include <unistd.h>
 
 #include "ground/archive/recorder.hpp"
+#include "ground/screen/operator_console.hpp"
 #include "ground/station_status.hpp"
 
 namespace srfs::ground::program {
@@ -67,6 +68,21 @@ Exit beacon(const Operation& operation) {
   return Exit::done;
 }
 
+Exit console(const Operation& operation) {
+  const Arguments& a = operation.arguments;
+  const auto socket = operation.state_dir / serve::socket_name;
+  auto server = ServerConnection::open(
+      socket, {.verb = a.verb, .files = true, .telecommands = true, .keys = key_set_of(a.keys)});
+  if (!server) return fail(a, server.error());
+  if (!*server)
+    return fail(a, fmt::format("no server runs at {}; start it: srfs-ground serve", socket.string()));
+  const auto done =
+      screen::run_operator_console(operation.dictionary, operation.state_dir, std::move(**server));
+  if (done) return Exit::done;
+  fail(a, done.error().text);
+  return done.error().began ? Exit::link_closed : Exit::unusable;
+}
+
 Exit watch(const Operation& operation) {
   const Arguments& a = operation.arguments;
   return with_console(operation, link_of(a), {}, [&](Console& console) {
@@ -91,6 +107,9 @@ void define_screens(CLI::App& app, Arguments& a) {
   add(app, a, "station", "The station at a glance: line, COP-1, mode, limits, last telecommand, gaps",
       verbs::station);
   add(app, a, "beacon", "The newest beacon that was recorded", verbs::beacon);
+  add(app, a, "console",
+      "Values, limits, events and a command line on one screen of a terminal, through the server that runs",
+      verbs::console);
   CLI::App& watch = add(app, a, "watch", "Newest values, in place, until interrupted", verbs::watch);
   watch.add_option("filter", a.name, "A structure, or the beginning of STRUCTURE.FIELD (default: all)");
   watch.add_flag("--limits", a.limits, "Values outside their limits alone");

@@ -46,6 +46,7 @@ class Rule:
 NOW = ((r"2026-\S+Z --to 2026-\S+Z", lambda: f"{utc(-20)} --to {utc(0)}"),)
 RULES = (
     Rule(r"srfs-ground serve$", stays=True),
+    Rule(r"srfs-ground console$", codes=(2,), says="it needs a terminal"),  # test_console.py
     Rule(r"srfs-ground serve --web$", replaced=((r"--web", "--help"),)),  # the server of this document runs; test_web.py
     Rule(r"srfs-ground (listen|files|bridge|watch.*)$", interrupted_s=2, codes=(0, 130)),
     Rule(r"srfs-ground retrieve", replaced=NOW),

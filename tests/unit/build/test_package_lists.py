@@ -36,6 +36,7 @@ OF_CMAKE = {
     "SQLite3": "libsqlite3-dev",
     "Boost": "libboost-dev",
     "zstd": "libzstd-dev",
+    "ncursesw": "libncurses-dev",
 }
 # Needed, but not required by CMake: programs, header-only libraries, Python modules of the generators.
 OF_OTHERS = {
