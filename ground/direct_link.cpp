@@ -48,14 +48,19 @@ Result<wire::RequestId, std::string> DirectLink::send(const TelecommandOrder& or
     auto made = uplink_now().make_packet(order.command);
     if (!made) return Err(made.error());
     if (made_) made_(order, made->request, false);
-    if (!ad_.request(order.number, std::move(made->packet), monotonic_now()))
+    if (!ad_.request(order.number, std::move(made->packet), monotonic_now())) {
+      unsent_(order);
       return Err(std::string("too many telecommands are waiting for the AD service"));
+    }
     return made->request;
   }
   const auto telecommand = uplink_now().make(order.command, order.keys);
   if (!telecommand) return Err(telecommand.error());
   if (made_) made_(order, telecommand->request, false);
-  if (const auto written = write_line(telecommand->cltu); !written) return Err(written.error());
+  if (const auto written = write_line(telecommand->cltu); !written) {
+    unsent_(order);
+    return Err(written.error());
+  }
   return telecommand->request;
 }
 

@@ -30,6 +30,9 @@ class DirectLink final : public StationLink {
   /// Each telecommand, before it is written or handed to the AD service; of make_packet() with scheduled.
   using Made = std::function<void(const TelecommandOrder&, const wire::RequestId&, bool scheduled)>;
   void set_made_output(Made made) { made_ = std::move(made); }
+  /// Each of them that was refused behind that: nothing of it went up.
+  using Unsent = std::function<void(const TelecommandOrder&)>;
+  void set_unsent_output(Unsent unsent) { unsent_ = std::move(unsent); }
   /// Octets for the line as they are.
   [[nodiscard]] Result<void, std::string> write(OctetView octets);
   /// From now on nothing waits for the line: see Port::queue(). What waits is written in on_time(), when the
@@ -91,6 +94,7 @@ class DirectLink final : public StationLink {
   std::uint16_t file_sequence_count_ = 0;
   std::function<void(OctetView)> octets_;
   Made made_;
+  Unsent unsent_ = [](const TelecommandOrder&) {};
 };
 
 }  // namespace srfs::ground

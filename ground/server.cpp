@@ -102,6 +102,9 @@ void Server::run(DirectLink& link, const OpenPort& open_port, const wire::FopSet
       static_cast<void>(recorder->on_telecommand(order, request, scheduled, system_utc_now()));
     hub.on_telecommand({request, order.command.command->name, order.who, scheduled});
   });
+  link.set_unsent_output([recorder](const auto& order) {
+    if (recorder != nullptr) recorder->on_not_sent(order.token);
+  });
   link.queue_for_line();
   bool busy = false;  // aggregates are to be made, between the turns
   while (!ended_) {

@@ -130,6 +130,7 @@ class SqliteArchive final : public Archive {
   Outcome add(const TelecommandEntry& telecommand) override;
   Outcome add(const FileEntry& file) override;
   Result<bool, std::string> commit() override;
+  Outcome forget_token(const std::string& token) override;
   Result<std::optional<wire::RequestId>, std::string> request_of(const std::string& token) override;
   Outcome count_attempt(std::int64_t gap) override;
   Outcome close_gap(std::int64_t gap) override;
@@ -459,6 +460,11 @@ Result<bool, std::string> SqliteArchive::commit() {
   in_transaction_ = false;
   committed_ = now_;
   return true;
+}
+
+Archive::Outcome SqliteArchive::forget_token(const std::string& token) {
+  return write("UPDATE telecommands SET token = token || ' not sent ' || id WHERE token=?",
+               [&](Statement& s) { s.bind(1, token); });
 }
 
 Result<std::optional<wire::RequestId>, std::string> SqliteArchive::request_of(const std::string& token) {

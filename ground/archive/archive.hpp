@@ -133,6 +133,8 @@ class Archive {
   /// An error of any writing loses what was added since the last commit; of its packets, a gap is found.
   /// @return whether there was anything to commit
   [[nodiscard]] virtual Result<bool, std::string> commit() = 0;
+  /// The telecommand with this token stays as one that was not sent; the token may be used again.
+  [[nodiscard]] virtual Outcome forget_token(const std::string& token) = 0;
   /// The request of a telecommand that was recorded with this token.
   [[nodiscard]] virtual Result<std::optional<wire::RequestId>, std::string> request_of(
       const std::string& token) = 0;

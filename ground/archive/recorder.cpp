@@ -105,6 +105,12 @@ Archive::Outcome Recorder::on_telecommand(const TelecommandOrder& order, const w
   return outcome;
 }
 
+void Recorder::on_not_sent(const std::string& token) {
+  auto outcome = archive_->forget_token(token);
+  if (outcome) outcome = commit_all();
+  judge(outcome);
+}
+
 void Recorder::on_file(const cfdp::News& news, UtcTime now) {
   const cfdp::Event& event = news.event;
   const bool finished = event.kind == cfdp::EventKind::finished;

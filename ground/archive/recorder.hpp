@@ -29,6 +29,8 @@ class Recorder {
   /// Before it is written to the line; it is in the archive when this returns without an error.
   Archive::Outcome on_telecommand(const TelecommandOrder& order, const wire::RequestId& request,
                                   bool scheduled, UtcTime now);
+  /// Nothing of it went up: an order with this token is a new one from now on.
+  void on_not_sent(const std::string& token);
   void on_file(const cfdp::News& news, UtcTime now);
   /// @return an error when that packet is no event, or the archive fails
   [[nodiscard]] Archive::Outcome acknowledge(std::int64_t packet, const Acknowledgement& acknowledgement);

@@ -167,6 +167,9 @@ TEST_F(ArchiveFile, KnowsATelecommandByItsToken) {
   order("a", {0x1811, 0xC005});
   EXPECT_EQ(*recorder_->request_of("a"), (wire::RequestId{0x1811, 0xC005}));
   EXPECT_EQ(*recorder_->request_of("b"), std::nullopt);
+
+  recorder_->on_not_sent("a");
+  EXPECT_EQ(*recorder_->request_of("a"), std::nullopt) << "an order with its token is a new one";
 }
 
 TEST_F(ArchiveFile, SaysThatItDoesNotKnowATelecommandWhenItFails) {

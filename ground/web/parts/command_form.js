@@ -192,7 +192,7 @@ export class CommandForm {
       this.on_sent?.(answer);
       await new Promise((done) => setTimeout(done, 1000)); // a double click sends once
     } catch (error) {
-      if (error.status !== 0) this.unanswered = null;
+      // The key stays: a refused order is not remembered, and of one that may be under way no second one is sent.
       set_text(this.problem, error.message);
       toast(`${this.telecommand.name}: ${error.message}`, "failed");
     }
