@@ -168,12 +168,15 @@ class DocumentedCommandsTest(SystemTest):
                     wrong += self.end_beside(beside)
                     beside = None
                 rule = next((r for r in RULES if re.search(r.pattern, line)), Rule(""))
-                if rule.skipped or (line, bool(beside)) in done:
+                if rule.skipped:
+                    continue
+                if rule.stays:  # each document has its own
+                    if not beside:
+                        beside, document = self.start_beside(line), where.partition(":")[0]
+                    continue
+                if (line, bool(beside)) in done:
                     continue
                 done.add((line, bool(beside)))
-                if rule.stays:
-                    beside, document = self.start_beside(line), where.partition(":")[0]
-                    continue
                 begin = time.monotonic()
                 problem = self.run_line(self.as_run(line, rule), rule)
                 slowest.append((time.monotonic() - begin, line))
