@@ -62,7 +62,8 @@ Grid<std::uint8_t> thumbnail(const Plane& pixels, int width) {
   for (std::size_t i = 0; i < small.size(); ++i) {
     const float v = std::isfinite(small.cells()[i]) ? (small.cells()[i] - sky) / noise : 0;
     const float grey = unit * std::asinh(std::max(0.0F, v + sky_grey) / softening);
-    picture.cells()[i] = static_cast<std::uint8_t>(std::clamp(grey, 0.0F, 255.0F));
+    // Not a number where the values span more than a float can scale.
+    picture.cells()[i] = static_cast<std::uint8_t>(grey > 0 ? std::min(grey, 255.0F) : 0.0F);
   }
   return picture;
 }

@@ -98,7 +98,7 @@ TEST(PowerCutProperties, OneJobForALineAtATimeAndNoPayloadIsKeptFromItsLine) {
   for (int run = 0; run < 300; ++run) {
     PowerCut cut;
     std::set<std::string_view> running;
-    std::set<std::string_view> held;  // lines, as the worker has them
+    std::set<std::string> held;  // lines, as the worker has them
     std::deque<PowerAction> jobs;
     const auto attended = [&](std::string_view payload) { return running.contains(payload); };
     const auto apply = [&](const PowerActions& actions) {
@@ -107,7 +107,7 @@ TEST(PowerCutProperties, OneJobForALineAtATimeAndNoPayloadIsKeptFromItsLine) {
             std::holds_alternative<CutPower>(action) || std::holds_alternative<GiveBackLines>(action);
         if (is_job) jobs.push_back(action);
       }
-      std::set<std::string_view> busy;
+      std::set<std::string> busy;
       for (const PowerAction& job : jobs) {
         const auto* const off = std::get_if<CutPower>(&job);
         const auto* const back = std::get_if<GiveBackLines>(&job);
