@@ -52,6 +52,7 @@ Actions CaptureScheduler::deactivate(const std::string& reason) {
   if (was_active && has_camera_) {
     counters_.camera_state = CameraState::closed;
     camera_problem_ = "closed";
+    closes_behind_open_ = is_opening_;
     ask_camera(CloseCamera{});
   }
   return take_actions();
@@ -178,6 +179,7 @@ void CaptureScheduler::review_camera(MonotonicTime now) {
   if (next_open_ > now) {
     wake_ = std::min(wake_.value_or(next_open_), next_open_);
   } else {
+    is_opening_ = true;
     ask_camera(OpenCamera{});
   }
 }
@@ -267,8 +269,11 @@ CaptureScheduler::Task* CaptureScheduler::answered() {
 Actions CaptureScheduler::on_opened(const Result<std::string, hw::CameraFault>& opened,
                                     const CaptureTime& time) {
   (void)answered();
+  is_opening_ = false;
   next_open_ = time.now + reopen_interval;
+  const bool is_closed_again = std::exchange(closes_behind_open_, false);
   if (!active_) return take_actions();
+  if (is_closed_again) return drive(time);
   if (!opened) {
     camera_lost(opened.error().reason);
     return drive(time);

@@ -226,6 +226,8 @@ class CaptureScheduler {
   bool rests_ = false;
   std::string camera_problem_;
   std::string camera_name_;
+  bool is_opening_ = false;
+  bool closes_behind_open_ = false;  ///< it was deactivated meanwhile: what is opened is closed again
   bool camera_was_lost_ = false;
   std::size_t camera_jobs_ = 0;
   std::optional<CaptureGoal> asker_;  ///< the task that had the camera when it was asked last

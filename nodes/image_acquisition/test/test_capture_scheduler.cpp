@@ -428,6 +428,17 @@ TEST(CaptureSchedulerTest, ACancelledTaskGivesTheCameraBackAndNamesWhatIsStored)
   EXPECT_EQ(world.log.back(), "abandon");
 }
 
+TEST(CaptureSchedulerTest, ACameraThatWasOpenedBeforeADeactivationIsOpenedAgain) {
+  World world;  // asks for it
+  (void)world.step();
+  world.deactivate();
+  world.activate();
+  const auto goal = world.ask(17);
+  world.run();
+  EXPECT_EQ(world.end_of(goal).files.size(), 1U);
+  EXPECT_EQ(world.count("open"), 2);
+}
+
 /// Anything at any moment: every goal is refused or ended once, and the next ones are served.
 TEST(CaptureSchedulerTest, WhateverHappensInWhateverOrderEachGoalEndsOnceAndTheCameraIsFreeAgain) {
   for (std::uint32_t seed = 0; seed < 400; ++seed) {
