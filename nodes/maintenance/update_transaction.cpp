@@ -79,8 +79,13 @@ Actions UpdateTransaction::on_begun(const Result<void, std::string>& written) {
 
 Actions UpdateTransaction::resume(const update::VersionTable& table, bool is_in_suite) {
   if (!journal_.is_under_way()) return {};
+  const bool was_in_swap = update().step == UpdateStep::swap;
   journal_.resume(table);
-  if (update().step == UpdateStep::installed && !is_in_suite) journal_.set(UpdateStep::swap);
+  // The table has the version before its process runs: the old one may still be there.
+  const bool may_run_another =
+      was_in_swap && update().kind == update::PackageKind::replace && update().node != own_node_;
+  if (update().step == UpdateStep::installed && (!is_in_suite || may_run_another))
+    journal_.set(UpdateStep::swap);
   if (!journal_.is_under_way()) return {ReportUpdate{update()}, WriteUpdateJournal{journal_}};
   const Actions actions{WriteUpdateJournal{journal_}};
   // Of a swap only the description of a new node is needed, and that is in its package.

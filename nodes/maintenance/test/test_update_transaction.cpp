@@ -91,6 +91,7 @@ class World {
   [[nodiscard]] const update::VersionTable& table() const { return table_; }
   [[nodiscard]] const update::UpdateJournal& journal() const { return journal_; }
   [[nodiscard]] bool in_suite() const { return in_suite_; }
+  [[nodiscard]] update::VersionNumber running() const { return running_; }
   [[nodiscard]] bool must_end_itself() const { return must_end_itself_; }
 
   std::vector<FailureCode> answers;
@@ -214,6 +215,7 @@ class World {
     });
   }
   void started(update::VersionNumber version) {
+    running_ = version;
     apply(transaction_->on_swapped(std::optional(StartedProgram{42, version, {}, now_}), now_));
   }
   void carry_out(const AwaitActive& a) { awaited_ = a; }
@@ -246,6 +248,7 @@ class World {
   update::UpdateJournal journal_;
   update::VersionTable table_;
   bool in_suite_ = false;
+  update::VersionNumber running_ = update::golden;
   bool must_end_itself_ = false;
 };
 
@@ -390,6 +393,13 @@ TEST(UpdateTransactionTest, wherever_it_is_killed_it_comes_to_the_end_that_it_pr
         world.crash();
         run_to_its_end(world);
         expect_a_sound_end(scenario, world);
+        // A node that was added is started by the ring.
+        const bool runs = scenario.kind == update::PackageKind::replace &&
+                          scenario.swap == Scenario::Swap::starts &&
+                          world.journal().update().step == UpdateStep::installed;
+        if (runs) {
+          EXPECT_EQ(world.running(), world.journal().update().version) << "the old process runs on";
+        }
         if (testing::Test::HasFailure()) return;
         ++crashes;
         if (is_over) break;
