@@ -334,10 +334,8 @@ Confinement Confinement::make(const Place& place, Trust trust) {
   // Root in the folder of another user works by these.
   if (geteuid() == 0 && place.var.owner().value_or(0) != 0 && place.node.user.empty())
     c.capabilities_ |= bit_of(CAP_DAC_OVERRIDE) | bit_of(CAP_CHOWN) | bit_of(CAP_FOWNER);
-  std::error_code ec;
-  const fs::path programs = fs::read_symlink("/proc/self/exe", ec).parent_path();
   if (trust == Trust::own && geteuid() == 0 &&
-      (is_closed_to_root(programs) || is_closed_to_root(place.var.root) ||
+      (is_closed_to_root(place.program.parent_path()) || is_closed_to_root(place.var.root) ||
        is_closed_to_root(place.deployment.file.parent_path())))
     c.capabilities_ |= bit_of(CAP_DAC_READ_SEARCH);
   c.allow_files(place);
