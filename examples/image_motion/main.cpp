@@ -129,5 +129,5 @@ class ImageMotionNode : public suite::Node {
 }  // namespace
 
 int main(int argc, char** argv) {
-  return suite::run_node<ImageMotionNode>(argc, argv);
+  return suite::run_node<ImageMotionNode>(argc, argv, mission::fragment_tables);
 }

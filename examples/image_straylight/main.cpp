@@ -114,5 +114,5 @@ class ImageStraylightNode : public suite::Node {
 }  // namespace
 
 int main(int argc, char** argv) {
-  return suite::run_node<ImageStraylightNode>(argc, argv);
+  return suite::run_node<ImageStraylightNode>(argc, argv, mission::fragment_tables);
 }

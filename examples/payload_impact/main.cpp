@@ -5,5 +5,6 @@
 #include "suite/run_node.hpp"
 
 int main(int argc, char** argv) {
-  return srfs::suite::run_node<srfs::PayloadNodeOf<srfs::ImpactProfile>>(argc, argv);
+  return srfs::suite::run_node<srfs::PayloadNodeOf<srfs::ImpactProfile>>(argc, argv,
+                                                                         srfs::mission::fragment_tables);
 }

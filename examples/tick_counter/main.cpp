@@ -70,5 +70,5 @@ class TickCounterNode : public CommandedNode {
 }  // namespace
 
 int main(int argc, char** argv) {
-  return suite::run_node<TickCounterNode>(argc, argv);
+  return suite::run_node<TickCounterNode>(argc, argv, mission::fragment_tables);
 }

@@ -15,6 +15,7 @@
 #include "base/result.hpp"
 #include "base/time.hpp"
 #include "msgs/mission/fields.hpp"
+#include "msgs/mission/node_tables.hpp"
 
 namespace srfs::mission {
 
@@ -49,6 +50,13 @@ struct TickCounterHousekeeping {
 
   friend bool operator==(const TickCounterHousekeeping&, const TickCounterHousekeeping&) = default;
 };
+
+// Every translation unit has its own: no library of one mission may use those of another.
+constexpr std::array<GuardedParameter, 0> fragment_guarded_parameters{{
+}};
+constexpr std::array<WorkThreadStructure, 0> fragment_work_threads{{
+}};
+constexpr NodeTables fragment_tables{fragment_guarded_parameters, fragment_work_threads};
 
 /// Event ids of the PUS service 5.
 namespace event {

@@ -30,7 +30,7 @@ ros::NodeOptions options_of(const NodeContext& context, const KeptParameters& ke
   ros::ParameterSet parameters;
   if (entry != nullptr) parameters = ros::ParameterSet(entry->parameters);
   parameters.set_stored(kept.history.values());
-  for (const auto& guarded : mission::guarded_parameters) {
+  for (const auto& guarded : context.tables.guarded_parameters) {
     if (guarded.node == context.name) parameters.guard(std::string(guarded.name));
   }
   std::vector<ros::RemapRule> remap = context.remap;
@@ -46,9 +46,9 @@ ros::NodeOptions options_of(const NodeContext& context, const KeptParameters& ke
 
 }  // namespace
 
-std::optional<WorkStructure> Node::work_structure() const {
-  for (const auto& work : mission::work_threads) {
-    if (work.node == name()) return WorkStructure{work.apid, work.structure_id};
+std::optional<mission::WorkThreadStructure> Node::work_structure() const {
+  for (const auto& work : context_.tables.work_threads) {
+    if (work.node == name()) return work;
   }
   return std::nullopt;
 }

@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "base/octets.hpp"
+#include "msgs/mission/node_tables.hpp"
 #include "ros/lifecycle_node.hpp"
 #include "suite/departures.hpp"
 #include "suite/deployment.hpp"
@@ -36,12 +37,7 @@ struct NodeContext {
   /// The deployment as it is now: nodes are added and removed while the process runs. nullptr: it stays.
   const LiveDeployment* live = nullptr;
   std::vector<ros::RemapRule> remap = {};  ///< of the command line; before those of the deployment
-};
-
-/// Where a node's work thread stands in the dictionary (msgs/mission/work_thread.yaml).
-struct WorkStructure {
-  std::uint16_t apid = 0;
-  std::uint16_t structure_id = 0;
+  mission::NodeTables tables = {};         ///< of the program's mission
 };
 
 /// Name of the timer with which run_node brings a node up again.
@@ -86,9 +82,8 @@ class Node : public ros::LifecycleNode {
   /// For the ring: a node whose due work grows old while nothing more gets done is restarted. What waits as
   /// input is counted anyway.
   [[nodiscard]] virtual WorkStatus work_status() const { return {}; }
-  /// The housekeeping structure of its work thread. By default that of SRFS' dictionary for a node of its
-  /// name.
-  [[nodiscard]] virtual std::optional<WorkStructure> work_structure() const;
+  /// The housekeeping structure of its work thread. By default that of the dictionary for a node of its name.
+  [[nodiscard]] virtual std::optional<mission::WorkThreadStructure> work_structure() const;
   /// Nodes were added or removed: deployment() is another one. On the work thread, in any state.
   virtual void on_deployment_changed() {}
   /// What a new version checks of itself before it may replace the one that runs (`--self-test`): it is

@@ -330,7 +330,7 @@ void NodeIntrospection::fill(srfs_msgs::srv::GetExecutorStatistics_Response& r) 
 }
 
 void NodeIntrospection::publish_work() {
-  const std::optional<WorkStructure> structure = node_.work_structure();
+  const std::optional<mission::WorkThreadStructure> structure = node_.work_structure();
   ros::Executor& executor = node_.executor();
   ros::CallbackStatistics& statistics = executor.statistics();
   const ros::CallbackStatistics::Longest longest = statistics.take_longest();

@@ -50,6 +50,12 @@ struct Arguments {
   std::vector<ros::RemapRule> remap;
 };
 
+/// What the main of one node gives.
+struct Program {
+  const mission::NodeTables& tables;
+  const NodeFactory& factory;
+};
+
 int code(ExitCode c) {
   return static_cast<int>(c);
 }
@@ -337,7 +343,7 @@ void use_dictionary_of(const Deployment& deployment) {
 }
 
 /// @param page this process' heartbeat page, once there is one
-int run(const Arguments& arguments, const NodeFactory& factory, std::optional<HeartbeatPage>& page) {
+int run(const Arguments& arguments, const Program& program, std::optional<HeartbeatPage>& page) {
   auto starter = StarterClient::of_this_process();
   const Fd signals = termination_signals();
   ignore_broken_pipes();
@@ -378,10 +384,17 @@ int run(const Arguments& arguments, const NodeFactory& factory, std::optional<He
     log::error("{}", participant.error());
     return code(ExitCode::middleware);
   }
-  NodeContext context{
-      arguments.name, deployment,     var, incarnation, executor, **participant, page ? &*page : nullptr,
-      &live,          arguments.remap};
-  const std::unique_ptr<Node> node = factory(context);
+  NodeContext context{arguments.name,
+                      deployment,
+                      var,
+                      incarnation,
+                      executor,
+                      **participant,
+                      page ? &*page : nullptr,
+                      &live,
+                      arguments.remap,
+                      program.tables};
+  const std::unique_ptr<Node> node = program.factory(context);
   node->finish_declarations();
   log::info("up: incarnation {}, version {}, pid {}, DDS domain {}", incarnation, version(), getpid(),
             *domain);
@@ -450,7 +463,7 @@ Deployment deployment_of_test(const Arguments& arguments) {
   return deployment;
 }
 
-int run_self_test(const Arguments& arguments, const NodeFactory& factory) {
+int run_self_test(const Arguments& arguments, const Program& program) {
   if (!arguments.domain) throw ConfigError("--self-test needs --domain, one that is not in use");
   ignore_broken_pipes();
   // A node that is to be added stands in the list of the VAR that it tests itself in.
@@ -474,8 +487,9 @@ int run_self_test(const Arguments& arguments, const NodeFactory& factory) {
     log::error("{}", participant.error());
     return code(ExitCode::middleware);
   }
-  NodeContext context{arguments.name, deployment, var, 1, executor, **participant, nullptr};
-  const std::unique_ptr<Node> node = factory(context);
+  NodeContext context{arguments.name, deployment, var, 1, executor, **participant};
+  context.tables = program.tables;
+  const std::unique_ptr<Node> node = program.factory(context);
   node->finish_declarations();
   const auto tried = try_out(executor, *node);
   if (!tried) {
@@ -516,7 +530,8 @@ const char* version() {
   return SRFS_VERSION;
 }
 
-int run_node(int argc, char** argv, const NodeFactory& factory) {
+int run_node(int argc, char** argv, const mission::NodeTables& tables, const NodeFactory& factory) {
+  const Program program{tables, factory};
   CLI::App app{"A lifecycle node of SRFS. Usually started by `srfs up`."};
   Arguments arguments;
   app.add_option("--name", arguments.name, "Name of the node in the deployment file, without slash")
@@ -543,7 +558,7 @@ int run_node(int argc, char** argv, const NodeFactory& factory) {
   std::optional<HeartbeatPage> page;
   int exit_code = code(ExitCode::bug);
   try {
-    exit_code = arguments.self_test ? run_self_test(arguments, factory) : run(arguments, factory, page);
+    exit_code = arguments.self_test ? run_self_test(arguments, program) : run(arguments, program, page);
   } catch (const ConfigError& e) {
     log::error("{}", e.what());
     exit_code = code(ExitCode::configuration);

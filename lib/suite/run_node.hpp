@@ -5,6 +5,8 @@
 #include <functional>
 #include <memory>
 
+#include <mission/structures.hpp>
+
 namespace srfs::suite {
 
 struct NodeContext;
@@ -30,11 +32,13 @@ enum class ExitCode : int {
 /// participant, the way to the desired state, the work loop, deactivation and clean-up before destruction.
 /// Blocks until the node ends. With `--self-test` the node goes to Active and back, in a domain and a VAR of
 /// its own, without devices and without a ring; the exit code gives the result.
-int run_node(int argc, char** argv, const NodeFactory& factory);
+/// @param tables  what the dictionary says of the node. By default that of the mission that the program is
+///                built with; a node whose fragment is added in flight gives mission::fragment_tables.
+int run_node(int argc, char** argv, const mission::NodeTables& tables, const NodeFactory& factory);
 
 template <class Node>
-int run_node(int argc, char** argv) {
-  return run_node(argc, argv, [](NodeContext& context) { return std::make_unique<Node>(context); });
+int run_node(int argc, char** argv, const mission::NodeTables& tables = mission::node_tables) {
+  return run_node(argc, argv, tables, [](NodeContext& context) { return std::make_unique<Node>(context); });
 }
 
 }  // namespace srfs::suite

@@ -19,9 +19,6 @@ class AdcsProfile : public PayloadProfile {
  public:
   [[nodiscard]] std::uint16_t apid() const override { return mission::apid::payload_adcs; }
   [[nodiscard]] std::uint16_t structure_id() const override { return mission::structure::payload_adcs; }
-  [[nodiscard]] std::optional<std::uint16_t> work_structure_id() const override {
-    return mission::structure::payload_adcs_work;
-  }
 
   [[nodiscard]] EncodedStructure counters(MissionCycle cycle, const mission::PayloadCounters& counters,
                                           const mission::SensorInputs& inputs) const override {

@@ -16,9 +16,6 @@ class EpsProfile : public PayloadProfile {
 
   [[nodiscard]] std::uint16_t apid() const override { return mission::apid::payload_eps; }
   [[nodiscard]] std::uint16_t structure_id() const override { return mission::structure::payload_eps; }
-  [[nodiscard]] std::optional<std::uint16_t> work_structure_id() const override {
-    return mission::structure::payload_eps_work;
-  }
 
   [[nodiscard]] EncodedStructure counters(MissionCycle cycle, const mission::PayloadCounters& counters,
                                           const mission::SensorInputs& inputs) const override {

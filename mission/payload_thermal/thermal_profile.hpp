@@ -17,9 +17,6 @@ class ThermalProfile : public PayloadProfile {
 
   [[nodiscard]] std::uint16_t apid() const override { return mission::apid::payload_thermal; }
   [[nodiscard]] std::uint16_t structure_id() const override { return mission::structure::payload_thermal; }
-  [[nodiscard]] std::optional<std::uint16_t> work_structure_id() const override {
-    return mission::structure::payload_thermal_work;
-  }
 
   [[nodiscard]] EncodedStructure counters(MissionCycle cycle, const mission::PayloadCounters& counters,
                                           const mission::SensorInputs& inputs) const override {

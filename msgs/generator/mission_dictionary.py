@@ -108,6 +108,7 @@ class Dictionary:
             for entry in content.get(key, []):
                 entry.setdefault("fields", [])
                 entry["file"] = file.name
+                entry["of_srfs"] = file.parent == core_folder()
                 entry["fragment"] = fragment
                 getattr(self, key).append(entry)
 
@@ -152,10 +153,13 @@ class Dictionary:
     def _check(self):
         self._unique(self.parameters, "id")
         self._unique(self.parameters, "full_name")
+        own_nodes = {a["node"] for a in self.apids if a["of_srfs"]}
         for parameter in self.parameters:
             self._check_fields(parameter, [parameter], MAX_ARGUMENTS)
             if parameter["node"] not in self.apid_of:
                 raise DictionaryError(f"{parameter['file']}: {parameter['name']}: unknown node '{parameter['node']}'")
+            if parameter.get("guarded") and parameter["node"] in own_nodes and not parameter["of_srfs"]:
+                raise DictionaryError(f"{parameter['file']}: {parameter['name']}: guarded, but the program of {parameter['node']} is SRFS' own and does not know it")
         self._unique(self.structures, "name")
         self._unique([s for s in self.structures if "id" in s], "id")
         self._unique(self.commands, "name")
@@ -250,7 +254,7 @@ class FragmentView:
 
     def __init__(self, dictionary):
         self.size, self.apid_of = dictionary.size, dictionary.apid_of
-        for key in ("apids", "structures", "commands", "events"):
+        for key in ("apids", "structures", "commands", "events", "parameters"):
             setattr(self, key, [entry for entry in getattr(dictionary, key) if entry["fragment"]])
         self.enums = {name: enum for name, enum in dictionary.enums.items() if enum["fragment"]}
 

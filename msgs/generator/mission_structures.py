@@ -145,7 +145,7 @@ def main():
                                      lstrip_blocks=True, undefined=jinja2.StrictUndefined)
     environment.globals.update(camel=camel, snake=snake, identifier=identifier, structure_type=structure_type, cpp=CPP,
                                octets=OCTETS, severities=SEVERITIES, emit=Emitter(dictionary), d=shown, has_packet=has_packet,
-                               work_threads=[s for s in dictionary.structures if s["name"] == f"{s.get('node')}_work"],
+                               work_threads=[s for s in shown.structures if s["name"] == f"{s.get('node')}_work"],
                                has_parameter_value=has_parameter_value, fragment=arguments.fragment and pathlib.Path(arguments.fragment).name)
     def text_of(template):
         return environment.get_template(template).render()

@@ -54,6 +54,8 @@ CanSwitcherNode::CanSwitcherNode(suite::NodeContext& context) : Node(context) {
                     "Housekeeping structure with the content of can_switcher, of this node", true);
   declare_parameter("bus_structure", std::int64_t{mission::CanBusHousekeeping::structure_id},
                     ros::ParameterRange{1, 65535}, "The same of can_bus", true);
+  declare_parameter("work_structure", std::int64_t{mission::CanSwitcherWorkHousekeeping::structure_id},
+                    ros::ParameterRange{1, 65535}, "The same of can_switcher_work", true);
   on_parameter_check([this](const std::string& parameter,
                             const ros::ParameterValue& value) -> Result<void, std::string> {
     if (parameter != "rotation_order") return {};
@@ -261,6 +263,14 @@ CallbackReturn CanSwitcherNode::on_error() {
 }
 
 // ---------------------------------------------------------------- rotation
+
+std::optional<mission::WorkThreadStructure> CanSwitcherNode::work_structure() const {
+  return mission::WorkThreadStructure{name(), of_dictionary("apid"), of_dictionary("work_structure")};
+}
+
+std::uint16_t CanSwitcherNode::of_dictionary(const char* parameter) const {
+  return static_cast<std::uint16_t>(get_parameter<std::int64_t>(parameter));
+}
 
 suite::WorkStatus CanSwitcherNode::work_status() const {
   suite::WorkStatus work;
@@ -769,8 +779,8 @@ void CanSwitcherNode::publish_bus_statistics() {
 }
 
 void CanSwitcherNode::publish_as(const char* structure, srfs_msgs::msg::PayloadTelemetry message) {
-  message.apid = static_cast<std::uint16_t>(get_parameter<std::int64_t>("apid"));
-  message.structure_id = static_cast<std::uint16_t>(get_parameter<std::int64_t>(structure));
+  message.apid = of_dictionary("apid");
+  message.structure_id = of_dictionary(structure);
   publish_telemetry(message);
 }
 

@@ -28,6 +28,7 @@ class CanSwitcherNode : public suite::Node {
   explicit CanSwitcherNode(suite::NodeContext& context);
   /// The rotation's deadline that has passed.
   [[nodiscard]] suite::WorkStatus work_status() const override;
+  [[nodiscard]] std::optional<mission::WorkThreadStructure> work_structure() const override;
   /// Payloads that were added get their slot from the next grant on, those that were removed lose it.
   void on_deployment_changed() override;
 
@@ -98,6 +99,8 @@ class CanSwitcherNode : public suite::Node {
   void publish_housekeeping();
   void publish_bus_statistics();
   /// Under the APID of this node. @param structure  parameter that says which of the dictionary's it is
+  /// Its number in the dictionary, that this parameter says.
+  [[nodiscard]] std::uint16_t of_dictionary(const char* parameter) const;
   void publish_as(const char* structure, srfs_msgs::msg::PayloadTelemetry message);
   void report_flood(BusMeter::Flood flood);
   void close();

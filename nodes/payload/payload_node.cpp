@@ -67,12 +67,6 @@ PayloadNode::PayloadNode(suite::NodeContext& context, std::unique_ptr<PayloadPro
   declare_parameters();
 }
 
-std::optional<suite::WorkStructure> PayloadNode::work_structure() const {
-  const auto id = profile_->work_structure_id();
-  if (!id) return std::nullopt;
-  return suite::WorkStructure{profile_->apid(), *id};
-}
-
 void PayloadNode::declare_parameters() {
   declare_parameter("answer_timeout_ms", std::int64_t{25}, ros::ParameterRange{1, 10000},
                     "Longest wait for the peripheral's answer to one request; never past the allotted time");

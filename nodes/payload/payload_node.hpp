@@ -29,7 +29,6 @@ class PayloadNode : public suite::Node {
   [[nodiscard]] bool is_at_rest() const override { return !cycle_ || !cycle_->holds_bus(); }
   /// The cycle's deadline that has passed: a slot to begin or to end, an answer to give up.
   [[nodiscard]] suite::WorkStatus work_status() const override;
-  [[nodiscard]] std::optional<suite::WorkStructure> work_structure() const override;
   void on_mode_changed() override;
 
  protected:

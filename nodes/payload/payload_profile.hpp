@@ -50,8 +50,6 @@ class PayloadProfile {
 
   [[nodiscard]] virtual std::uint16_t apid() const = 0;
   [[nodiscard]] virtual std::uint16_t structure_id() const = 0;
-  /// Of the node's work thread; nothing: the dictionary has none.
-  [[nodiscard]] virtual std::optional<std::uint16_t> work_structure_id() const { return std::nullopt; }
 
   [[nodiscard]] virtual EncodedStructure counters(MissionCycle cycle,
                                                   const mission::PayloadCounters& counters,

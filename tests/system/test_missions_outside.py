@@ -31,12 +31,18 @@ class OutsideTest(SystemTest):
         self.assertEqual(done.returncode, 0, f"{command}\n{done.stdout[-4000:]}\n{done.stderr[-4000:]}")
         return done.stdout
 
-    def built(self, name):
-        """Installs SRFS, builds and tests the example in a folder of its own. Returns its flight."""
-        prefix, source, build = self.folder / "srfs", self.folder / "source", self.folder / "build"
-        self.do("cmake", "--install", Path(BIN).parent, "--prefix", prefix, "--strip")
-        shutil.copytree(ROOT / "examples" / name, source)  # what links show, too
+    def setUp(self):
+        super().setUp()
+        self.prefix, self.source, self.build = (self.folder / name for name in ("srfs", "source", "build"))
 
+    def installed(self, name):
+        """Installs SRFS, and copies the example."""
+        self.do("cmake", "--install", Path(BIN).parent, "--prefix", self.prefix, "--strip")
+        shutil.copytree(ROOT / "examples" / name, self.source)  # what links show, too
+
+    def built(self, name):
+        """Builds and tests the example with the installed SRFS. Returns its flight."""
+        prefix, source, build = self.prefix, self.source, self.build
         self.do("cmake", "-S", source, "-B", build, "-G", "Ninja", f"-DCMAKE_PREFIX_PATH={prefix}", "-DCMAKE_BUILD_TYPE=Release")
         self.do("cmake", "--build", build)
         self.do("ctest", "--test-dir", build, "--no-tests=error", "--output-on-failure")
@@ -46,12 +52,14 @@ class OutsideTest(SystemTest):
 
 class MissionMinimalTest(OutsideTest):
     def test_it_builds_passes_its_tests_and_flies_with_an_installed_srfs(self):
+        self.installed("mission_minimal")
         with self.built("mission_minimal") as flight:
             ground = flight.ground()
             field = ground.housekeeping("payload_magnetometer", DEADLINE_S, matches=lambda f: f["range"] == "coarse")
             self.assertGreater(field["fields"]["magnitude_t"], 1e-5)
             self.assertTrue(ground.command("tc magnetometer.set_range range=fine")["success"])
             self.assertIsNotNone(ground.housekeeping("payload_magnetometer", DEADLINE_S, matches=lambda f: f["range"] == "fine"))
+            self.assertIsNotNone(ground.housekeeping("payload_magnetometer_work", DEADLINE_S, matches=lambda f: f["state"] == "active"))
 
             self.assertIsNotNone(ground.housekeeping("can_switcher", DEADLINE_S, matches=lambda f: f["grants.payload_dosimeter"] > 0))
             beacon = ground.wait_for(lambda m: m.get("type") == "beacon", DEADLINE_S)
@@ -73,6 +81,7 @@ class MissionMinimalTest(OutsideTest):
 
 class MissionTwoBusesTest(OutsideTest):
     def test_two_buses_are_shared_by_their_payloads_and_do_not_disturb_each_other(self):
+        self.installed("mission_two_buses")
         with self.built("mission_two_buses") as flight:
             ground = flight.ground()
             for structure in ("payload_eps", "payload_thermal", "payload_adcs", "payload_magnetometer", "payload_dosimeter"):
@@ -85,6 +94,7 @@ class MissionTwoBusesTest(OutsideTest):
             science = ground.housekeeping("science_switcher", DEADLINE_S, matches=lambda f: f["grants.payload_dosimeter"] > 0)["fields"]
             self.assertEqual(science["grants.payload_eps"], 0)
             self.assertIsNotNone(ground.housekeeping("science_bus", DEADLINE_S, matches=lambda f: f["frames"] > 0))
+            self.assertIsNotNone(ground.housekeeping("science_switcher_work", DEADLINE_S, matches=lambda f: f["state"] == "active"))
 
             self.assert_only(flight.var / "log/can.log", {0x11, 0x12, 0x13})
             self.assert_only(flight.var / "log/can_science.log", {0x11, 0x42})

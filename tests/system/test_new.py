@@ -83,6 +83,7 @@ class NewTest(SystemTest):
         made = self.new("payload", "one", folder=".", cwd=mine)[1]
         self.assertEqual(made["made"], [str(mine / name) for name in ("CMakeLists.txt", "README.md", "mission.yaml", "sim.yaml")])
         self.assertEqual(made["changed"], [])
+        self.assertLessEqual(len(files_of(mine)), 15, "a first payload with its mission")
         added = self.new("payload", "two", folder=".", cwd=mine)[1]
         self.assertEqual(added["changed"], [str(mine / name) for name in ("CMakeLists.txt", "mission.yaml", "sim.yaml")])
         self.check_mission(mine, mine / "sim.yaml", ["payload_one", "payload_two"])

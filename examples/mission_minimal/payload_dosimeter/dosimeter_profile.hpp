@@ -11,9 +11,6 @@ class DosimeterProfile : public PayloadProfile {
  public:
   [[nodiscard]] std::uint16_t apid() const override { return mission::apid::payload_dosimeter; }
   [[nodiscard]] std::uint16_t structure_id() const override { return mission::structure::payload_dosimeter; }
-  [[nodiscard]] std::optional<std::uint16_t> work_structure_id() const override {
-    return mission::structure::payload_dosimeter_work;
-  }
 
   [[nodiscard]] EncodedStructure counters(MissionCycle cycle, const mission::PayloadCounters& counters,
                                           const mission::SensorInputs& inputs) const override {

@@ -13,9 +13,6 @@ class MagnetometerProfile : public PayloadProfile {
   [[nodiscard]] std::uint16_t structure_id() const override {
     return mission::structure::payload_magnetometer;
   }
-  [[nodiscard]] std::optional<std::uint16_t> work_structure_id() const override {
-    return mission::structure::payload_magnetometer_work;
-  }
 
   [[nodiscard]] EncodedStructure counters(MissionCycle cycle, const mission::PayloadCounters& counters,
                                           const mission::SensorInputs& inputs) const override {

@@ -33,7 +33,6 @@ class ScriptedNode : public Node {
     declare_parameter("window", std::int64_t{4}, ros::ParameterRange{1, 64}, "Window", true);
     declare_parameter("guarded_ms", std::int64_t{100}, ros::ParameterRange{10, 1000},
                       "On trial when changed");
-    parameters().guard("guarded_ms");
   }
 
   Script configure, activate, deactivate, cleanup, shutdown, error;
@@ -87,6 +86,7 @@ class ScriptedNodeTest : public testing::Test {
     node_.reset();
     context_ = std::make_unique<NodeContext>(
         NodeContext{"probe", *deployment_, VarPaths{folder_}, ++incarnation_, executor_, *here_});
+    context_->tables = {guarded_parameters, {}};
     node_ = std::make_unique<ScriptedNode>(*context_);
     node_->finish_declarations();
   }
@@ -119,6 +119,8 @@ class ScriptedNodeTest : public testing::Test {
     return call<lifecycle_msgs::srv::ChangeState>("/probe/change_state", request).success;
   }
 
+  static constexpr std::array guarded_parameters{mission::GuardedParameter{"probe", "guarded_ms"},
+                                                 mission::GuardedParameter{"another", "period_ms"}};
   ros::Executor executor_;
   ros::Participant* here_ = shared_participant(0);
   ros::Participant* there_ = shared_participant(1);

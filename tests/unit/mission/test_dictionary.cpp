@@ -490,7 +490,7 @@ TEST(NodeParameters, ThatTouchLinkOrTickAreGuardedAsTheNodesKnowIt) {
     if (parameter.guarded) guarded.push_back(parameter.name);
   }
   std::vector<std::string> known;
-  for (const GuardedParameter& parameter : guarded_parameters)
+  for (const GuardedParameter& parameter : node_tables.guarded_parameters)
     known.push_back(std::string(parameter.node) + "." + std::string(parameter.name));
   EXPECT_EQ(guarded, known);
   EXPECT_THAT(guarded, testing::UnorderedElementsAre("timing.tick_period_ms", "timing.late_tick_ms",
