@@ -11,7 +11,8 @@ endfunction()
 
 # srfs_mission(<name> DICTIONARY <mission.yaml> [DEPLOYMENTS <files>]): outside this tree, once, before the mission's targets.
 #   <mission/structures.hpp> of the mission's dictionary is what all targets of this folder and below include
-#   share/<name>/ in the build folder and installed: the dictionary and the deployments, which say `dictionary: .` and `programs: ../../bin`
+#   share/<name>/ in the build folder and installed: the dictionary, the structs, and the deployments, which say `dictionary: .` and
+#   `programs: ../../bin`
 function(srfs_mission name)
   cmake_parse_arguments(ARG "" "DICTIONARY" "DEPLOYMENTS" ${ARGN})
   # Debian's Python modules belong to /usr/bin/python3, whatever stands first in PATH.
@@ -20,11 +21,11 @@ function(srfs_mission name)
   get_filename_component(mission ${ARG_DICTIONARY} ABSOLUTE)
   get_filename_component(folder ${mission} DIRECTORY)
   file(GLOB files RELATIVE ${folder} CONFIGURE_DEPENDS ${folder}/mission.yaml ${folder}/*/dictionary.yaml)
-  set(generated ${CMAKE_CURRENT_BINARY_DIR}/srfs_generated)
+  set(generated ${CMAKE_BINARY_DIR}/share/${name}/structures)  # the build lane on board compiles with them, too
   list(TRANSFORM files PREPEND ${folder}/ OUTPUT_VARIABLE dictionary)
   srfs_generator_files(generator)
   # Files of an installation may be older than what was built before it.
-  set(stamp ${generated}/structures_${srfs_VERSION}.stamp)
+  set(stamp ${CMAKE_CURRENT_BINARY_DIR}/structures_${srfs_VERSION}.stamp)
   add_custom_command(
     OUTPUT ${stamp}
     BYPRODUCTS ${generated}/mission/structures.hpp ${generated}/mission/structures.cpp

@@ -53,6 +53,7 @@ std::vector<std::string> compiler_command(const NodeBuild& build, const std::vec
     words.emplace_back(word);
   words.push_back(fmt::format("-ffile-prefix-map={}/src/=", work.string()));
   words.push_back("-I" + (work / "src").string());
+  if (!build.structures.empty()) words.insert(words.end(), {"-isystem", build.structures});
   for (const fs::path& folder : build.include) {
     words.emplace_back("-isystem");
     words.push_back(folder);
@@ -91,6 +92,8 @@ BuildPlan plan_build(const NodeBuild& build, const std::vector<std::string>& sou
   std::vector<std::string> compiled;
   for (const std::string& source : sources)
     if (fs::path(source).extension() == ".cpp") compiled.push_back(source);
+  if (!build.structures.empty() && !compiled.empty())
+    compiled.push_back(build.structures / "mission/structures.cpp");
 
   BuildPlan plan;
   std::vector<std::string> link{compiler};
@@ -102,7 +105,7 @@ BuildPlan plan_build(const NodeBuild& build, const std::vector<std::string>& sou
     Command command{fmt::format("compile {}/{} {}", i + 1, compiled.size(), compiled[i]),
                     compiler_command(build, options, work)};
     if (header) command.words.insert(command.words.end(), {"-include", *header});
-    command.words.insert(command.words.end(), {"-c", "./" + compiled[i], "-o", object});
+    command.words.insert(command.words.end(), {"-c", fs::path(".") / compiled[i], "-o", object});
     plan.compile.push_back(std::move(command));
     link.push_back(object);
   }

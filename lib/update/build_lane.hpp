@@ -27,6 +27,9 @@ struct NodeBuild {
   /// Absolute paths of libraries that are linked where they are there. plan_build() takes all: the caller has
   /// removed those that are not.
   std::vector<std::filesystem::path> where_installed = {};
+  /// Folder of mission/structures.hpp and .cpp of the mission that flies, if it is not the installation's:
+  /// found first, and part of every program.
+  std::filesystem::path structures = {};
 };
 [[nodiscard]] Result<NodeBuild, std::string> decode_node_build(std::string_view json,
                                                                const std::filesystem::path& prefix);

@@ -33,6 +33,8 @@ std::vector<std::string> build_command(const LaneFolders& folders, const update:
                                    "--work",        folders.lane,  "--out",     folders.built(manifest.node),
                                    "--log",         folders.log(), "--report",  folders.report()};
   for (const std::string& option : manifest.options) command.push_back("--option=" + option);
+  if (!folders.structures.empty())
+    command.insert(command.end(), {"--structures", folders.structures.string()});
   // It costs five builds of a payload and 400 MB, and saves a third of one.
   command.emplace_back("--no-precompiled-header");
   require_layers(command, folders);

@@ -20,6 +20,8 @@ struct LaneFolders {
   std::filesystem::path work;         ///< everything below belongs to one update, and goes with it
   std::filesystem::path lane;         ///< the lane's own, which keeps what it has precompiled
   std::vector<std::string> required;  ///< layers of the sandbox without which nothing is run
+  /// The structs of the mission that flies; empty: those that SRFS was built with.
+  std::filesystem::path structures = {};
 
   [[nodiscard]] std::filesystem::path sources() const { return work / "sources"; }
   [[nodiscard]] std::filesystem::path built(const std::string& node) const { return work / node; }

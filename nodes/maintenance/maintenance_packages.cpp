@@ -120,6 +120,9 @@ LaneFolders MaintenanceNode::lane_folders() const {
                       var_folder / "update" / "job",
                       var_folder / "update" / "lane",
                       {}};
+  if (const auto structures = deployment().dictionary / "structures";
+      !deployment().dictionary.empty() && std::filesystem::exists(structures / "mission/structures.cpp"))
+    folders.structures = structures;
   const auto line = deployment().devices.find("rs422");
   if (line != deployment().devices.end() && suite::is_hardware_line(line->second, var_folder))
     folders.required = {"user", "files", "processes", "network", "system_calls", "limits"};

@@ -49,7 +49,7 @@ struct Arguments {
   update::Confinement confinement;
   // build
   BuildOrder order;
-  std::string sources, out, log;
+  std::string sources, out, log, structures;
   unsigned log_kib = 256;
   bool without_header = false;
   // self-test; log too
@@ -178,6 +178,10 @@ LaneExit run_build(Lane& lane, Arguments& a, Report& report) {
   a.order.log_octets = std::size_t{a.log_kib} << 10U;
   a.order.program_octets = lane.confinement.limits.file_octets;
   a.order.precompile = !a.without_header;
+  if (!a.structures.empty()) {
+    lane.installation.structures = fs::absolute(a.structures).lexically_normal();
+    lane.confinement.readable.push_back(lane.installation.structures);
+  }
   return build(lane, a.order, report);
 }
 
@@ -197,6 +201,10 @@ void add_build(CLI::App& app, Arguments& a) {
       ->required()
       ->check(CLI::ExistingDirectory);
   sub.add_option("--name", a.order.node, "Name of the node")->required();
+  sub.add_option("--structures", a.structures,
+                 "Folder of mission/structures.hpp and .cpp of the mission that flies (default: the "
+                 "installation's mission)")
+      ->check(CLI::ExistingDirectory);
   sub.add_option("--option", a.order.options, "Option of the compiler")
       ->check(CLI::IsMember(update::allowed_options()));
   sub.add_option("--out", a.out, "The program, stripped; replaced atomically")->required();

@@ -5,6 +5,7 @@
 #include "base/config.hpp"
 #include "base/file.hpp"
 #include "lane.hpp"
+#include "msgs/mission/dictionary.hpp"
 
 namespace srfs::lane {
 
@@ -12,15 +13,34 @@ using namespace update;
 
 namespace {
 
+namespace fs = std::filesystem;
+
 constexpr std::size_t deployment_octets = 1U << 20;
 
-/// The file, and those that it extends. @return why not
-std::optional<std::string> put_deployment(const WorkFolder& work, const std::filesystem::path& file) {
+std::optional<std::string> put_file(const WorkFolder& work, const fs::path& from, const fs::path& to) {
+  const auto text = read_file(from, deployment_octets);
+  if (!text) return text.error().message;
+  return work.put(to, *text);
+}
+
+/// The file, those that it extends, and the mission's part of the dictionary, if it names one. @return why
+/// not
+std::optional<std::string> put_deployment(const WorkFolder& work, const fs::path& file) {
   try {
-    for (const std::filesystem::path each : ConfigSection::load(file).files()) {
-      const auto text = read_file(each, deployment_octets);
-      if (!text) return text.error().message;
-      if (auto error = work.put("deployment" / each.filename(), *text)) return error;
+    const ConfigSection deployment = ConfigSection::load(file);
+    for (const fs::path each : deployment.files())
+      if (auto error = put_file(work, each, "deployment" / each.filename())) return error;
+    if (!deployment.has("dictionary")) return std::nullopt;
+    const fs::path dictionary = deployment.text("dictionary");
+    const fs::path there = ("deployment" / dictionary).lexically_normal();
+    if (dictionary.is_absolute() || there.native().starts_with(".."))
+      return fmt::format("{}: 'dictionary': expected a folder at or one above the deployment, not '{}'",
+                         file.string(), dictionary.string());
+    const fs::path here = (file.parent_path() / dictionary).lexically_normal();
+    for (const fs::path& each : mission::Dictionary::files(here)) {
+      const fs::path inside = each.lexically_relative(here);
+      if (inside.native().starts_with("..")) continue;  // SRFS' own, which is readable there
+      if (auto error = put_file(work, each, there / inside)) return error;
     }
   } catch (const ConfigError& error) {
     return error.what();

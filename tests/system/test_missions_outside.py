@@ -7,7 +7,7 @@ import subprocess
 import unittest
 from pathlib import Path
 
-from support import BIN, DEADLINE_S, ROOT, SystemTest
+from support import BIN, DEADLINE_S, ROOT, SystemTest, hurried_lane
 
 from srfs.flight import mission
 
@@ -77,6 +77,47 @@ class MissionMinimalTest(OutsideTest):
         generator = self.folder / "srfs/share/srfs/generator/mission_xtce.py"
         self.do("/usr/bin/python3", "-B", generator, "--dictionary", self.folder / "build/share/mission_minimal", "--out", out)
         self.assertIn("payload_dosimeter", out.read_text())
+
+
+class ChangedInFlightTest(OutsideTest):
+    """What is changed and added while a mission of its own flies."""
+
+    def test_a_payload_is_compiled_on_board_and_a_node_with_a_guarded_parameter_joins(self):
+        self.installed("mission_minimal")
+        self.do(self.prefix / "bin/srfs", "new", "node", "ticker", "--in", self.source)
+        self.edit("ticker/dictionary.yaml", "name: report_every,", "name: report_every, guarded: true,")
+        with hurried_lane(self.var), self.built("mission_minimal") as flight:
+            self.do(self.prefix / "bin/srfs", "node", "add", self.source / "ticker", "--program", self.build / "bin/ticker_node",
+                    "--deployment", flight.deployment, "--var", self.var)  # fmt: skip
+            ground = flight.ground()  # it reads the fragments that are there
+            self.edit("payload_magnetometer/magnetometer_profile.cpp", "= std::hypot(field[0], field[1], field[2])", "= 2")
+            self.install(ground, flight, "payload_magnetometer")
+            self.assertIsNotNone(ground.housekeeping("payload_magnetometer", DEADLINE_S, matches=lambda f: f["magnitude_t"] == 2))
+            self.assertIsNotNone(ground.housekeeping("payload_magnetometer_work", DEADLINE_S, matches=lambda f: f["state"] == "active"))
+
+            self.assertIsNotNone(ground.housekeeping("ticker", DEADLINE_S, matches=lambda f: f["ticks"] > 0))
+            since = ground.position()
+            self.complete(ground, "tc parameters.set parameter=ticker.report_every value=7")
+            trial = self.wait_for_event(ground, "parameter.on_trial", since)
+            self.assertEqual((trial["source"], trial["fields"]["content"]), ("ticker", "report_every=7"), trial)
+
+    def edit(self, file, old, new):
+        text = (self.source / file).read_text()
+        self.assertEqual(text.count(old), 1, file)
+        (self.source / file).write_text(text.replace(old, new))
+
+    def install(self, ground, flight, node):
+        """A package of the node's sources, as the ground sends it up."""
+        sources, package = self.folder / "sources", flight.var / "files" / f"{node}.pkg"
+        shutil.copytree(self.source / node, sources, ignore=shutil.ignore_patterns("test", "*_model.*", "*.yaml", "CMakeLists.txt"))
+        package.parent.mkdir(exist_ok=True)
+        self.do(self.prefix / "bin/srfs-ground", "package", "make", "--node", node, "--kind", "replace", "--counter", 1, "--sources", sources, "--option=-O0",
+                "--key", flight.var / "ground/package_test.seed", "-o", package)  # fmt: skip
+        since = ground.position()
+        self.complete(ground, f"tc package.install file={package.name}")
+        ends = ("update.installed", "update.failed", "update.refused")
+        end = ground.wait_for(lambda m: m["type"] == "event" and m["event"] in ends, BUILD_DEADLINE_S, since)
+        self.assertEqual(end and end["event"], "update.installed", end)
 
 
 class MissionTwoBusesTest(OutsideTest):

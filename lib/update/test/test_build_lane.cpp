@@ -57,6 +57,22 @@ TEST(BuildPlanTest, LinksTheLibrariesThatAreWhereTheInstallationSays) {
   EXPECT_NE(std::find(needed, words.end(), "/usr/lib/libopencv_core.so"), words.end());
 }
 
+TEST(BuildPlanTest, TheStructsOfTheMissionThatFliesComeBeforeThoseOfTheInstallation) {
+  NodeBuild build = installation;
+  build.structures = "/srv/mission/structures";
+
+  const BuildPlan plan = plan_build(build, {"main.cpp"}, {}, "/w", std::nullopt);
+
+  ASSERT_EQ(plan.compile.size(), 2U);
+  EXPECT_TRUE(has(plan.compile[1].words, "/srv/mission/structures/mission/structures.cpp"));
+  EXPECT_TRUE(has(plan.link.words, "/w/1.o"));
+  const auto& words = plan.compile[0].words;
+  const auto own = std::find(words.begin(), words.end(), "/srv/mission/structures");
+  ASSERT_NE(own, words.end());
+  EXPECT_EQ(*(own - 1), "-isystem");
+  EXPECT_NE(std::find(own, words.end(), installation.include.front()), words.end());
+}
+
 TEST(BuildPlanTest, CompilesEachSourceWithTheOptionsAndLinksAllObjects) {
   const BuildPlan plan =
       plan_build(installation, {"a/main.cpp", "a/x.hpp", "b.cpp", "notes.txt"}, {"-O3"}, "/w", std::nullopt);

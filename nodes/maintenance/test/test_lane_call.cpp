@@ -33,6 +33,17 @@ TEST(LaneCallTest, the_build_gets_the_sources_the_prefix_and_each_option_of_the_
   EXPECT_THAT(command, Contains("--option=-g"));
 }
 
+TEST(LaneCallTest, a_mission_of_its_own_is_built_with_its_own_structs) {
+  EXPECT_THAT(build_command(folders, manifest()), Not(Contains("--structures")));
+  LaneFolders of_a_mission = folders;
+  of_a_mission.structures = "/srv/mission/structures";
+  const auto command = build_command(of_a_mission, manifest());
+  const auto option = std::find(command.begin(), command.end(), "--structures");
+  ASSERT_LT(std::distance(option, command.end()), static_cast<std::ptrdiff_t>(command.size()));
+  ASSERT_NE(option + 1, command.end());
+  EXPECT_EQ(*(option + 1), "/srv/mission/structures");
+}
+
 TEST(LaneCallTest, the_self_test_gets_what_was_built_and_the_time_of_the_manifest) {
   const auto command = self_test_command(folders, manifest(), "/etc/srfs/sim.yaml");
   EXPECT_EQ(command.at(1), "self-test");

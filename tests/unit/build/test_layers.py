@@ -24,7 +24,7 @@ MAY_USE = {
     "ground": {"base", "wire", "cfdp", "image", "update", "suite", "mission", "msgs/mission"},
     "programs/detect": {"base", "image"},
     "programs/product": {"base", "image"},
-    "programs/lane": {"base", "update"},
+    "programs/lane": {"base", "msgs/mission", "update"},
     "programs/rescue": {"base", "wire", "cfdp", "hw", "suite", "update", "mission", "nodes/ttc"},
     "programs/srfs": {"base", "hw", "mcap", "ros", "suite", "update", "msgs/mission", "srfs_msgs"},
 }
