@@ -82,6 +82,24 @@ function(srfs_add_node name)
   endif()
 endfunction()
 
+# srfs_find_opencv(): the target srfs::opencv, OpenCV's core and imgproc, for a method that is written in it; no target where they are not
+# installed. Debian's CMake package of OpenCV is in libopencv-dev alone, which brings 300 others.
+function(srfs_find_opencv)
+  if(TARGET srfs::opencv)
+    return()
+  endif()
+  find_path(SRFS_OPENCV_INCLUDE opencv2/imgproc.hpp PATH_SUFFIXES opencv4)
+  find_library(SRFS_OPENCV_CORE opencv_core)
+  find_library(SRFS_OPENCV_IMGPROC opencv_imgproc)
+  if(NOT SRFS_OPENCV_INCLUDE OR NOT SRFS_OPENCV_CORE OR NOT SRFS_OPENCV_IMGPROC)
+    message(STATUS "no OpenCV: install libopencv-core-dev and libopencv-imgproc-dev")
+    return()
+  endif()
+  add_library(srfs::opencv INTERFACE IMPORTED)
+  target_include_directories(srfs::opencv SYSTEM INTERFACE ${SRFS_OPENCV_INCLUDE})
+  target_link_libraries(srfs::opencv INTERFACE ${SRFS_OPENCV_IMGPROC} ${SRFS_OPENCV_CORE})
+endfunction()
+
 # srfs_add_payload(<name> LOGIC <sources> [MODEL <sources>] [TEST <sources>] [DEPS ...] [NO_INSTALL]): a payload from its folder:
 #   <name>_logic  its profile, without DDS or hardware
 #   <name>_node   main.cpp and the library of all payloads
