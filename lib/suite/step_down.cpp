@@ -21,6 +21,10 @@ void change_step(StepRecord& record, BootStep step, StepCause cause) {
   record.reported = false;
 }
 
+bool is_ordered_into_rescue(const StepRecord& record) {
+  return record.step == BootStep::rescue && record.cause == StepCause::commanded;
+}
+
 /// Printable, on one line, within its bound: it stands in the record as it is.
 std::string clean(std::string_view detail) {
   std::string text(detail.substr(0, StepRecord::most_detail));
@@ -87,6 +91,7 @@ StepRecord on_start(StepRecord before, const std::optional<wire::BootRecord>& la
 }
 
 std::optional<BootStep> next_measures(const StepRecord& record, const StepPolicy& policy) {
+  if (is_ordered_into_rescue(record)) return std::nullopt;  // the suite is not tried
   // Rescue takes none of its own: those of golden were taken on the way, or are on their way now.
   const BootStep asked = std::min(step_after(record.unhealthy_starts(), policy), BootStep::golden);
   if (asked <= record.applied) return std::nullopt;
@@ -101,8 +106,14 @@ StepRecord on_measures_taken(StepRecord record, BootStep step) {
 StepRecord on_healthy(StepRecord record) {
   record.starts = 0;
   record.applied = BootStep::normal;
-  // A healthy suite is not in rescue, however it was started.
-  if (record.step == BootStep::rescue) change_step(record, BootStep::golden, StepCause::calm);
+  // A healthy suite is not in rescue, however it was started; one that was told to go there is on its way.
+  if (record.step == BootStep::rescue && !is_ordered_into_rescue(record))
+    change_step(record, BootStep::golden, StepCause::calm);
+  return record;
+}
+
+StepRecord on_order_into_rescue(StepRecord record) {
+  change_step(record, BootStep::rescue, StepCause::commanded);
   return record;
 }
 
@@ -121,6 +132,11 @@ StepRecord on_commanded(StepRecord record, BootStep step) {
 }
 
 StepRecord on_no_contact(StepRecord record, const StepPolicy& policy) {
+  if (is_ordered_into_rescue(record)) {
+    record = on_commanded(std::move(record), BootStep::normal);
+    record.cause = StepCause::no_contact;
+    return record;
+  }
   record.starts = policy.rescue - 1;
   record.applied = BootStep::golden;
   change_step(record, BootStep::golden, StepCause::no_contact);

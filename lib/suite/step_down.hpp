@@ -63,13 +63,18 @@ struct StepRecord {
 /// record.
 [[nodiscard]] std::optional<BootStep> next_measures(const StepRecord& record, const StepPolicy& policy);
 [[nodiscard]] StepRecord on_measures_taken(StepRecord record, BootStep step);
-/// The suite is healthy, or was ended in order: the starts begin anew, the step stays.
+/// The suite is healthy, or was ended in order: the starts begin anew, the step stays, also an ordered
+/// rescue.
 [[nodiscard]] StepRecord on_healthy(StepRecord record);
 /// The suite was healthy for the calm time: the next start is one step up.
 [[nodiscard]] StepRecord on_calm(StepRecord record);
 /// From now on this step, by command; the starts begin anew. normal, last_good or golden.
 [[nodiscard]] StepRecord on_commanded(StepRecord record, BootStep step);
-/// The suite gets one more try; if it does not become healthy, the next start is rescue again.
+/// The next start, and each after it, is srfs_rescue, until that is told to start the suite. The starts are
+/// counted as before.
+[[nodiscard]] StepRecord on_order_into_rescue(StepRecord record);
+/// The suite gets one more try; if it does not become healthy, the next start is rescue again. A suite that
+/// was ordered into rescue runs as it did before.
 [[nodiscard]] StepRecord on_no_contact(StepRecord record, const StepPolicy& policy);
 
 /// One line with its CRC-32C.

@@ -174,6 +174,13 @@ bool StoredState::write_keys(const KeySelection& selection) const {
   return stored.durable();
 }
 
+bool StoredState::write_rescue_entry() const {
+  const std::string problem =
+      suite::StepStore(folder_.parent_path() / "boot").change(suite::on_order_into_rescue);
+  if (!problem.empty()) log::error("{}", problem);
+  return problem.empty();
+}
+
 bool StoredState::write_table(const std::string& name, const StoredTable& table) const {
   const auto stored = stored_table_file(folder_ / name).store(table);
   if (!stored.problem.empty()) log::error("{}", stored.problem);

@@ -54,6 +54,8 @@ class StoredState {
   [[nodiscard]] std::filesystem::path path_of(const std::string& name) const { return folder_ / name; }
   [[nodiscard]] bool write(const std::string& name, const std::string& text) const;
   [[nodiscard]] bool write_keys(const KeySelection& selection) const;
+  /// In the record of the step of the start (suite/step_down.hpp).
+  [[nodiscard]] bool write_rescue_entry() const;
   [[nodiscard]] bool write_table(const std::string& name, const StoredTable& table) const;
   void copy_link_state(const LinkState& state);
   void forget_wanted_floor() const;

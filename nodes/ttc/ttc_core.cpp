@@ -177,6 +177,7 @@ TtcCore::Actions TtcCore::settle(MonotonicTime now) {
   store_mode_change();
   store_key_change();
   store_transmitter_change();
+  store_rescue_entry();
   store_stores_change();
   store_tables();
   report_rejections();
@@ -671,6 +672,18 @@ void TtcCore::store_transmitter_change() {
     raise(event);
   }
   write_state("transmitter", std::move(*change));
+}
+
+void TtcCore::store_rescue_entry() {
+  if (const auto entry = rescue_service_.take_change()) act(WriteRescueEntry{*entry});
+}
+
+/// Without its record the restart would lead into the suite again.
+void TtcCore::on_rescue_entry_written(const RescueEntry& entry, bool stored) {
+  rescue_service_.on_stored(entry, stored);
+  if (!stored) return log(LogLine::Level::error, "srfs_rescue is not entered: its order is not on the disk");
+  log(LogLine::Level::warn, "commanded: the next start is srfs_rescue, the computer restarts now");
+  act(RestartComputer{});
 }
 
 void TtcCore::end_silence() {

@@ -76,6 +76,10 @@ struct WriteKeys {
   KeySelection selection;
   KeyChange change;
 };
+/// The record that makes the next start srfs_rescue. Answer: on_rescue_entry_written().
+struct WriteRescueEntry {
+  RescueEntry entry;
+};
 /// The table of a service that a telecommand has changed. Answer: on_table_written().
 struct WriteTable {
   std::string name;
@@ -158,10 +162,10 @@ struct LogLine {
 };
 
 using TtcAction =
-    std::variant<WriteJournal, WriteState, WriteKeys, WriteTable, CopyLinkState, ForgetWantedFloor,
-                 CommitStores, ReadStore, PublishTelecommand, PublishMode, FollowMode, RaiseEvent,
-                 TestConnection, CallParameter, ServeFile, TakeFilesTurn, ServeImaging, ServeImages,
-                 ReopenLine, RestartComputer, AcceptanceSent, LogLine>;
+    std::variant<WriteJournal, WriteState, WriteKeys, WriteRescueEntry, WriteTable, CopyLinkState,
+                 ForgetWantedFloor, CommitStores, ReadStore, PublishTelecommand, PublishMode, FollowMode,
+                 RaiseEvent, TestConnection, CallParameter, ServeFile, TakeFilesTurn, ServeImaging,
+                 ServeImages, ReopenLine, RestartComputer, AcceptanceSent, LogLine>;
 
 /// Why the counters of the uplink get a floor as soon as the time is valid.
 enum class FloorWanted : std::uint8_t { no, first_start, counters_lost };
@@ -272,6 +276,7 @@ class TtcCore {
                           std::size_t used_octets, MonotonicTime now);
   void on_state_written(const StateChange& change, bool stored);
   void on_keys_written(const KeyChange& change, bool stored, MonotonicTime now);
+  void on_rescue_entry_written(const RescueEntry& entry, bool stored);
   void on_table_written(const std::string& name, const TableChange& change, bool stored);
   void on_committed(const CommitStores& commit, const PacketStoresStatus& status,
                     const Result<void, FileError>& counts);
@@ -435,6 +440,7 @@ class TtcCore {
   void store_mode_change();
   void store_key_change();
   void store_transmitter_change();
+  void store_rescue_entry();
   void store_stores_change();
   void end_silence();
   // Reports

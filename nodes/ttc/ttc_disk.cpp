@@ -56,6 +56,14 @@ void TtcDisk::carry_out(const WriteKeys& action) {
   if (!taken) done(false);
 }
 
+void TtcDisk::carry_out(const WriteRescueEntry& action) {
+  const auto done = [this, entry = action.entry](bool stored) {
+    core_.on_rescue_entry_written(entry, stored);
+    answered_();
+  };
+  if (!workers_.state->ask([this] { return state_->write_rescue_entry(); }, done)) done(false);
+}
+
 void TtcDisk::carry_out(const WriteTable& action) {
   const auto written = std::make_shared<const WriteTable>(action);
   const auto done = [this, written](bool stored) {

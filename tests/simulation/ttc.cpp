@@ -309,6 +309,11 @@ void Ttc::carry_out(const WriteKeys& action) {
   core_->on_keys_written(action.change, true, host_.now());
 }
 
+/// There is no srfs_rescue here: the computer restarts, and the suite with it.
+void Ttc::carry_out(const WriteRescueEntry& action) {
+  core_->on_rescue_entry_written(action.entry, true);
+}
+
 void Ttc::carry_out(const WriteTable& action) {
   around_.disk.write(host_, "ttc/" + action.name, octets_of_text(encode_table(action.change.table)),
                      [this, action](bool stored) {

@@ -60,6 +60,20 @@ class RescueTest(SystemTest):
             self.assertEqual(board.speaker(), "suite")
             self.assertTrue(board.order("boot.step_up")[0])
 
+            # A suite that answers is ordered into rescue, and back.
+            before = step_of(board)
+            self.assertNotEqual(board.ground("tc", "rescue.enter", "--wait").returncode, 0, "hazardous: to be armed")
+            self.assertTrue(board.order("rescue.enter", "--arm")[0])
+            wait_until(lambda: "timing is inactive" in (board.var / "log" / "ttc.log").read_text(), DEADLINE_S, "the watchdog is not fed any more")
+            board.lose_power()
+            board.start()
+            wait_until(lambda: board.ping(1), DEADLINE_S, "srfs_rescue answers")
+            step = step_of(board)
+            self.assertEqual((step["step"], step["cause"]), ("rescue", "commanded"))
+            self.assertEqual(step["set_aside"], before["set_aside"], "nothing is moved")
+            self.assertTrue(board.order("rescue.start_suite")[0])
+            wait_until(board.all_active, DEADLINE_S, "the suite runs as before")
+
 
 if __name__ == "__main__":
     unittest.main()

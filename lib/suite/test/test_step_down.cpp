@@ -89,6 +89,32 @@ TEST(StepDown, WithoutContactTheSuiteGetsOneTryAtATime) {
   }
 }
 
+TEST(StepDown, AnOrderIntoRescueOutlivesHealthRestartsAndAnOrderedEnd) {
+  StepRecord record = on_order_into_rescue(on_start({}, boot_before(4, true), policy));
+  EXPECT_FALSE(record.reported);
+
+  record = on_calm(on_healthy(record));
+  for (std::uint32_t boot = 4; boot < 30; ++boot) {
+    record = on_start(record, boot_before(boot, boot < 8), policy);
+    ASSERT_EQ(record.step, BootStep::rescue);
+    ASSERT_EQ(record.cause, StepCause::commanded);
+    ASSERT_EQ(next_measures(record, policy), std::nullopt) << "the suite was not tried";
+  }
+}
+
+TEST(StepDown, OutOfAnOrderedRescueTheSuiteRunsAsItDidBefore) {
+  const StepRecord in_rescue = on_start(on_order_into_rescue({}), boot_before(4, true), policy);
+
+  for (const StepRecord& back :
+       {on_commanded(in_rescue, BootStep::normal), on_no_contact(in_rescue, policy)}) {
+    const StepRecord next = on_start(back, boot_before(5, false), policy);
+    EXPECT_EQ(next.step, BootStep::normal);
+    EXPECT_EQ(next.starts, 1U);
+    EXPECT_EQ(next_measures(next, policy), std::nullopt);
+  }
+  EXPECT_EQ(on_no_contact(in_rescue, policy).cause, StepCause::no_contact);
+}
+
 TEST(StepDown, WhateverHappensRescueComesWithinTheBoundAndHealthAlwaysEndsTheRow) {
   std::mt19937 random(20261126);
   const auto one_of = [&](unsigned n) { return static_cast<std::uint32_t>(random() % n); };
@@ -101,7 +127,7 @@ TEST(StepDown, WhateverHappensRescueComesWithinTheBoundAndHealthAlwaysEndsTheRow
     std::uint32_t count = 1;
     for (int i = 0; i < 30; ++i) {
       const StepRecord before = record;
-      switch (one_of(5)) {
+      switch (one_of(6)) {
         case 0:
           record = on_healthy(record);
           ASSERT_EQ(record.starts, 0U);
@@ -109,6 +135,10 @@ TEST(StepDown, WhateverHappensRescueComesWithinTheBoundAndHealthAlwaysEndsTheRow
         case 1:
           record = on_calm(record);
           ASSERT_LE(record.step, before.step);
+          break;
+        case 5:
+          record = on_order_into_rescue(record);
+          ASSERT_EQ(record.step, BootStep::rescue);
           break;
         case 2:
           record = on_commanded(record, static_cast<BootStep>(one_of(4)));

@@ -115,7 +115,11 @@ bool RescueService::provides(const mission::Command& command) const {
 }
 
 void RescueService::execute(const Telecommand& telecommand, MonotonicTime /*now*/) {
-  report_queue_.failure(telecommand.origin, Stage::start, mission::failure::suite_runs);
+  if (telecommand.command->name != mission::RescueEnter::name) {
+    report_queue().failure(telecommand.origin, Stage::start, mission::failure::suite_runs);
+  } else if (start(telecommand.origin)) {
+    set_change({.origin = telecommand.origin});
+  }
 }
 
 // ---- transmitter

@@ -89,16 +89,18 @@ class KeyService final : public StoredChangeService<KeyChange> {
   const AvailableKeySets& available_;
 };
 
-/// rescue.*: what srfs_rescue does in the place of ttc. While ttc runs they are refused.
-class RescueService final : public PusService {
+/// srfs_rescue was ordered to take over.
+struct RescueEntry {
+  TelecommandOrigin origin;
+};
+
+/// rescue.*: what srfs_rescue does in the place of ttc. While ttc runs they are refused, except rescue.enter.
+class RescueService final : public StoredChangeService<RescueEntry> {
  public:
-  explicit RescueService(ReportQueue& report_queue) : report_queue_(report_queue) {}
+  using StoredChangeService::StoredChangeService;
 
   [[nodiscard]] bool provides(const mission::Command& command) const override;
   void execute(const Telecommand& telecommand, MonotonicTime now) override;
-
- private:
-  ReportQueue& report_queue_;
 };
 
 /// The transmitter was switched.

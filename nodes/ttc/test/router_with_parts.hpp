@@ -45,6 +45,7 @@ class RouterWithParts : public testing::Test {
   ArmingService arming_{dictionary_, mode_, hazards_, report_queue_};
   KeyService key_service_{key_sets_, report_queue_};
   TransmitterService transmitter_service_{transmitter_, report_queue_};
+  RescueService rescue_service_{report_queue_};
   TimeReporter time_reports_{report_queue_};
   ScheduleService schedule_{journal_, report_queue_, seconds(60)};
   PacketRetrieval retrieval_{report_queue_};
@@ -62,8 +63,8 @@ class RouterWithParts : public testing::Test {
        .forwarder = forwarder_,
        .report_queue = report_queue_,
        .services = {&housekeeping_, &events_, &mode_service_, &arming_, &key_service_, &transmitter_service_,
-                    &time_reports_, &schedule_, &retrieval_, &stores_, &connections_, &parameters_, &files_,
-                    &imaging_, &monitoring_, &event_actions_}},
+                    &rescue_service_, &time_reports_, &schedule_, &retrieval_, &stores_, &connections_,
+                    &parameters_, &files_, &imaging_, &monitoring_, &event_actions_}},
       "ttc"};
 };
 

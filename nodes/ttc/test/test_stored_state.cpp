@@ -39,6 +39,17 @@ class StoredStates : public testing::Test {
   std::unique_ptr<StoredState> state_;
 };
 
+TEST_F(StoredStates, AnOrderIntoRescueStandsInTheRecordOfTheStart) {
+  const testing_support::TemporaryFolder state;
+  const StoredState ttc(state.path() / "ttc");
+
+  EXPECT_TRUE(ttc.write_rescue_entry());
+
+  const auto record = suite::StepStore(state.path() / "boot").read();
+  EXPECT_EQ(record.step, suite::BootStep::rescue);
+  EXPECT_EQ(record.cause, suite::StepCause::commanded);
+}
+
 TEST_F(StoredStates, AFirstStartWantsAFloorUntilItIsForgotten) {
   const auto found = start();
   EXPECT_TRUE(found.first_start);

@@ -484,6 +484,21 @@ TEST_F(HazardousTelecommands, TheTransmitterIsSwitchedOffOnceItIsArmedAndOnWitho
   EXPECT_EQ(taken(), Names{"1,8"});
 }
 
+TEST_F(HazardousTelecommands, RescueIsEnteredOnceItIsArmedAndItsOrderIsStored) {
+  EXPECT_EQ(send("rescue.enter"), Names{"1,2"});
+  EXPECT_EQ(failure(), code(mission::failure::not_armed));
+  arm("rescue.enter");
+  EXPECT_EQ(send("rescue.enter"), (Names{"1,1", "1,3"}));
+  const auto entry = rescue_service_.take_change();
+  ASSERT_TRUE(entry);
+  rescue_service_.on_stored(*entry, true);
+  EXPECT_EQ(taken(), Names{"1,7"});
+
+  EXPECT_EQ(send("rescue.reboot"), (Names{"1,1", "1,4"})) << "what srfs_rescue alone does";
+  EXPECT_EQ(failure(), code(mission::failure::suite_runs));
+  EXPECT_FALSE(rescue_service_.take_change());
+}
+
 TEST_F(HazardousTelecommands, TwoThatComeTogetherFireOnce) {
   arm(hazard);
   const Octets packet = packet_of(hazard, {});
