@@ -5,7 +5,9 @@
 #include <cstdlib>
 
 #include <fmt/format.h>
+#include <openssl/crypto.h>
 #include <openssl/evp.h>
+#include <openssl/hmac.h>
 
 namespace srfs {
 
@@ -45,6 +47,19 @@ Sha256::Digest sha256_of(OctetView data) {
   Sha256 sha;
   sha.update(data);
   return sha.finish();
+}
+
+Sha256::Digest hmac_sha256(OctetView key, OctetView data) {
+  Sha256::Digest digest{};
+  // Fails for lack of memory only.
+  if (HMAC(EVP_sha256(), key.data(), static_cast<int>(key.size()), data.data(), data.size(), digest.data(),
+           nullptr) == nullptr)
+    std::abort();
+  return digest;
+}
+
+bool equal_secrets(OctetView a, OctetView b) {
+  return a.size() == b.size() && CRYPTO_memcmp(a.data(), b.data(), a.size()) == 0;
 }
 
 }  // namespace srfs

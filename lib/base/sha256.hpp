@@ -35,4 +35,9 @@ class Sha256 {
 [[nodiscard]] std::string to_digits(const Sha256::Digest& digest);
 [[nodiscard]] Sha256::Digest sha256_of(OctetView data);
 
+/// HMAC with SHA-256 (RFC 2104).
+[[nodiscard]] Sha256::Digest hmac_sha256(OctetView key, OctetView data);
+/// Takes as long wherever they differ.
+[[nodiscard]] bool equal_secrets(OctetView a, OctetView b);
+
 }  // namespace srfs

@@ -6,6 +6,8 @@
 #include <stdexcept>
 #include <utility>
 
+#include "ros/datagram_seal.hpp"
+
 namespace srfs::ros {
 namespace {
 
@@ -150,6 +152,13 @@ void WriterEndpoint::on_liveliness_lost(dds::DataWriter*, const dds::LivelinessL
   qos_events_.liveliness_lost(status.total_count_change);
 }
 
+/// What a client hears from the server that it called: a reply of a service, feedback and status of an
+/// action.
+static bool is_answer(const std::string& dds_topic) {
+  return dds_topic.starts_with("rr/") ||
+         (dds_topic.starts_with("rt/") && dds_topic.find("/_action/") != std::string::npos);
+}
+
 ReaderEndpoint::~ReaderEndpoint() {
   close();
 }
@@ -166,6 +175,7 @@ void ReaderEndpoint::open(Participant& participant, const std::string& dds_topic
   executor_.name_source(shared_from_this(), kind, name);
   Qos bounded = qos;
   bounded.largest_octets = largest_octets;
+  if (datagram_seal() && is_answer(dds_topic)) guard();
   reader_ = participant.create_reader(dds_topic, std::move(type), bounded, this);
   if (reader_ == nullptr) throw std::runtime_error("DDS refused a reader for " + dds_topic);
 }
@@ -260,7 +270,7 @@ bool ReaderEndpoint::admit(const SampleIdentity& identity) {
   std::copy_n(identity.writer_guid().guidPrefix.value, prefix.size(), prefix.begin());
   ++stats_.foreign;
   last_foreign_ = prefix;
-  return !participant_->drops_foreign();
+  return !participant_->drops_foreign() && !datagram_seal();
 }
 
 std::string ReaderEndpoint::last_foreign() const {

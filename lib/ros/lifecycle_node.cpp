@@ -16,6 +16,7 @@
 #include <rcl_interfaces/srv/set_parameters_atomically.hpp>
 
 #include "base/excerpt.hpp"
+#include "ros/datagram_seal.hpp"
 #include "ros/time_message.hpp"
 
 namespace srfs::ros {
@@ -27,6 +28,7 @@ namespace rcl = rcl_interfaces;
 constexpr Qos parameter_qos{.depth = 1000};
 constexpr std::size_t longest_function = 100;
 constexpr seconds input_check_period{10};
+constexpr const char* refused_foreign = "refused: not from the suite";
 
 lc::msg::State state_message(State state) {
   lc::msg::State m;
@@ -86,7 +88,7 @@ struct LifecycleNode::Interfaces {
   Interfaces& operator=(const Interfaces&) = delete;
 
   void make_lifecycle_services(LifecycleNode& node) {
-    change_state = node.create_service<lc::srv::ChangeState>(
+    change_state = node.create_order_service<lc::srv::ChangeState>(
         "~/change_state", [&node](const auto& request, auto& response) {
           const auto result = node.request_transition(request.transition.id, request.transition.label);
           if (!result) return;
@@ -143,7 +145,7 @@ struct LifecycleNode::Interfaces {
           }
         },
         parameter_qos);
-    set_parameters = node.create_service<rcl::srv::SetParameters>(
+    set_parameters = node.create_order_service<rcl::srv::SetParameters>(
         "~/set_parameters",
         [&node](const auto& request, auto& response) {
           for (const auto& parameter : request.parameters) {
@@ -152,15 +154,18 @@ struct LifecycleNode::Interfaces {
             response.results.push_back({why.empty(), why});
           }
         },
+        [](const auto& request, auto& response) {
+          response.results.assign(request.parameters.size(), {false, refused_foreign});
+        },
         parameter_qos);
-    set_atomically = node.create_service<rcl::srv::SetParametersAtomically>(
+    set_atomically = node.create_order_service<rcl::srv::SetParametersAtomically>(
         "~/set_parameters_atomically",
         [&node](const auto& request, auto& response) {
           std::vector<std::string> ignored;
           response.result.reason = change(node, request.parameters, ignored);
           response.result.successful = response.result.reason.empty();
         },
-        parameter_qos);
+        [](const auto&, auto& response) { response.result.reason = refused_foreign; }, parameter_qos);
     list_parameters = node.create_service<rcl::srv::ListParameters>(
         "~/list_parameters",
         [&node](const auto& request, auto& response) {
@@ -196,7 +201,8 @@ LifecycleNode::LifecycleNode(NodeOptions options)
       participant_(options.participant),
       worker_deadline_(options.worker_deadline),
       graph_(executor_, participant_, options.graph, names_),
-      parameters_(std::move(options.parameters)) {
+      parameters_(std::move(options.parameters)),
+      obeys_foreign_(options.obeys_foreign) {
   declare_common_parameters();
   parameters_.set_changed([this](const std::string& parameter) {
     if (parameter_changed_) parameter_changed_(parameter);
@@ -445,6 +451,14 @@ bool LifecycleNode::go_to(State target) {
   return state_ == target;
 }
 
+bool LifecycleNode::refuses_order(const GUID_t& client, const std::string& service) {
+  if (obeys_foreign_ || !participant_.is_foreign(client)) return false;
+  GuidPrefix prefix{};
+  std::copy_n(client.guidPrefix.value, prefix.size(), prefix.begin());
+  on_order_refused(service, ++refused_orders_, participant_.known_participants().describe(prefix));
+  return true;
+}
+
 std::uint64_t LifecycleNode::malformed_samples() const {
   std::uint64_t count = 0;
   executor_.for_each_source([&](const CallbackRecord&, const Source& source) {
@@ -464,7 +478,7 @@ void LifecycleNode::check_input(Input& input, const ReaderEndpoint& reader) {
     input.foreign_reported = stats.foreign;
     const std::string source = reader.last_foreign();
     log::warn("{} samples on {} so far from outside the suite, last by participant {}: {}", stats.foreign,
-              input.topic, source, participant_.drops_foreign() ? "dropped" : "accepted");
+              input.topic, source, participant_.drops_foreign() || datagram_seal() ? "dropped" : "accepted");
     on_foreign_samples(input.topic, stats.foreign, source);
   }
   const QosEvents qos = reader.qos_events().events();
@@ -482,14 +496,19 @@ void LifecycleNode::check_dropped() {
     log::warn("{} datagrams dropped by the kernel so far: this node reads too slowly (srfs stats {})",
               stats.overflowed, name());
   }
-  if (stats.foreign <= foreign_dropped_reported_) return;
-  foreign_dropped_reported_ = stats.foreign;
-  const std::string source = participant_.last_dropped();
+  const std::uint64_t forged = datagram_seal() ? datagram_seal()->forged() : 0;
+  const std::uint64_t dropped = stats.foreign + forged;
+  if (dropped <= foreign_dropped_reported_) return;
+  foreign_dropped_reported_ = dropped;
+  const std::string source = stats.foreign > 0 ? participant_.last_dropped() : "in a member's name";
   log::warn(
-      "{} datagrams from outside the suite dropped unread so far, last by participant {}: {}", stats.foreign,
-      source,
-      participant_.drops_foreign() ? "dds.foreign is drop" : "they came faster than this node can read");
-  on_foreign_samples("*", stats.foreign, source);
+      "{} datagrams from outside the suite dropped unread so far: {} in a member's name without its seal, "
+      "the "
+      "others because {}, last by participant {}",
+      dropped, forged,
+      participant_.drops_foreign() ? "dds.foreign is drop" : "they came faster than this node can read",
+      source);
+  on_foreign_samples("*", dropped, source);
 }
 
 void LifecycleNode::check_input() {

@@ -33,6 +33,8 @@ struct NodeOptions {
   GraphDialect graph = GraphDialect::humble;
   ParameterSet parameters = {};               ///< with the values that go over the node's defaults
   milliseconds worker_deadline = seconds(3);  ///< of a job of create_worker() that says nothing else
+  /// Whether participants outside the suite may order: transitions, parameters, create_order_service().
+  bool obeys_foreign = true;
 };
 
 /// How a requested transition ended.
@@ -125,6 +127,34 @@ class LifecycleNode {
     return std::make_shared<Service<S>>(executor_, participant_, resolve(service), qos, priority,
                                         std::move(handler));
   }
+  /// A service that changes what the node does. A request from outside the suite is refused unless the node
+  /// obeys those (NodeOptions): @p refusal fills its response, none: the empty one.
+  template <class S>
+  [[nodiscard]] std::shared_ptr<Service<S>> create_order_service(const std::string& service,
+                                                                 typename Service<S>::Handler handler,
+                                                                 typename Service<S>::Handler refusal = {},
+                                                                 Qos qos = {},
+                                                                 Priority priority = Priority::normal) {
+    const auto self = std::make_shared<std::weak_ptr<Service<S>>>();
+    auto made = create_deferred_service<S>(
+        service,
+        [this, self, service, obey = std::move(handler), refuse = std::move(refusal)](
+            const typename S::Request& request, Ticket ticket) {
+          const auto server = self->lock();
+          typename S::Response response;
+          if (!refuses_order(server->client(ticket), service)) {
+            obey(request, response);
+          } else if (refuse) {
+            refuse(request, response);
+          }
+          server->reply(ticket, std::move(response));
+        },
+        qos, priority);
+    *self = made;
+    return made;
+  }
+  /// Whether an order of this client is to be refused; then it is counted.
+  [[nodiscard]] bool refuses_order(const GUID_t& client, const std::string& service);
   /// A service whose replies come later, by Service::reply with the ticket the handler was given.
   template <class S, class F>
   [[nodiscard]] std::shared_ptr<Service<S>> create_deferred_service(const std::string& service, F handler,
@@ -233,6 +263,9 @@ class LifecycleNode {
   /// @param source  the last one's participant, for people
   virtual void on_foreign_samples(const std::string& /*topic*/, std::uint64_t /*count*/,
                                   const std::string& /*source*/) {}
+  /// An order from outside the suite was refused. @param count  of all @param service  as it was declared
+  virtual void on_order_refused(const std::string& /*service*/, std::uint64_t /*count*/,
+                                const std::string& /*source*/) {}
   /// Each 10 s, after the samples were looked at.
   virtual void on_self_check() {}
 
@@ -282,6 +315,8 @@ class LifecycleNode {
   Timer raised_error_;
   std::uint64_t overflow_reported_ = 0;
   std::uint64_t foreign_dropped_reported_ = 0;
+  const bool obeys_foreign_;
+  std::uint64_t refused_orders_ = 0;
   std::vector<Input> inputs_;
   Timer input_check_;
   std::unique_ptr<Interfaces> interfaces_;

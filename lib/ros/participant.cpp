@@ -19,6 +19,7 @@
 #include <fastdds/dds/log/Log.hpp>
 
 #include "base/fd.hpp"
+#include "ros/datagram_seal.hpp"
 
 namespace srfs::ros {
 namespace {
@@ -83,6 +84,7 @@ dds::DomainParticipantQos participant_qos(const ParticipantOptions& options, int
   udp->sendBufferSize = socket_buffer_octets;
   udp->receiveBufferSize = socket_buffer_octets;
   udp->maxInitialPeersRange = most_participants;
+  if (datagram_seal()) udp->maxMessageSize -= static_cast<std::uint32_t>(DatagramSeal::octets);
   qos.transport().use_builtin_transports = false;
   if (options.executor != nullptr) {
     qos.transport().user_transports.push_back(
@@ -146,6 +148,12 @@ void set_common(DdsQos& qos, const Qos& ours) {
 /// A topic has one C++ type in a process: what it is written from and read into.
 bool is_same_type(const dds::TopicDataType& one, const dds::TopicDataType& other) {
   return typeid(one) == typeid(other);
+}
+
+/// What it says of itself is not enough where datagrams are sealed.
+bool is_foreign_prefix(const KnownParticipants& known, const GuidPrefix& prefix) {
+  const auto& seal = datagram_seal();
+  return known.is_foreign(prefix) || (seal && !seal->is_member(prefix));
 }
 
 std::string first_address(const eprosima::fastrtps::rtps::RemoteLocatorList& locators) {
@@ -260,7 +268,7 @@ Participant::Participant(const ParticipantOptions& options)
       interfaces_(options.interfaces),
       drop_foreign_(options.drop_foreign),
       filter_(std::make_shared<DatagramFilter>(
-          [this](const GuidPrefix& prefix) { return known_.is_foreign(prefix); }, drop_foreign_)),
+          [this](const GuidPrefix& prefix) { return is_foreign_prefix(known_, prefix); }, drop_foreign_)),
       discovery_(std::make_unique<Discovery>(known_, *transport_,
                                              options.remember_topics ? &directory_ : nullptr)) {}
 
@@ -291,6 +299,7 @@ Result<std::unique_ptr<Participant>, std::string> Participant::create(const Part
   self->graph_.set_participant(to_gid(guid));
   GuidPrefix own{};  // no participant discovers itself, and a node may hear its own messages
   std::copy_n(guid.guidPrefix.value, own.size(), own.begin());
+  if (const auto& seal = datagram_seal()) seal->add_own(own);
   self->known_.discovered(own, participant_user_data(options.identity), "/", "this process");
   self->transport_->tell_members_changed();
   return self;
@@ -309,7 +318,8 @@ void Participant::on_peers_changed(std::function<void()> callback) {
 }
 
 bool Participant::announce_departure(const GuidPrefix& prefix) const {
-  const Octets message = departure_message(prefix);
+  Octets message = departure_message(prefix);
+  if (const auto& seal = datagram_seal()) seal->seal(Octets(message), monotonic_now(), message);
   const Fd fd(socket(AF_INET, SOCK_DGRAM | SOCK_NONBLOCK | SOCK_CLOEXEC, 0));
   if (!fd) return false;
   bool sent = false;
@@ -330,7 +340,7 @@ bool Participant::announce_departure(const GuidPrefix& prefix) const {
 bool Participant::is_foreign(const eprosima::fastrtps::rtps::GUID_t& guid) const {
   GuidPrefix prefix{};
   std::copy_n(guid.guidPrefix.value, prefix.size(), prefix.begin());
-  return known_.is_foreign(prefix);
+  return is_foreign_prefix(known_, prefix);
 }
 
 ParticipantGraph Participant::graph() const {

@@ -25,6 +25,15 @@ SampleIdentity request_identity(const MessageInfo& info) {
   return identity;
 }
 
+/// The sender fills in who is to get the reply, and so may write anybody's name there. A client has its
+/// reader and its writer in one participant; a stranger that names another's reader wants to pass for that
+/// one.
+static bool borrows_a_name(const Participant& participant, const MessageInfo& info) {
+  const GUID_t& sender = info.identity.writer_guid();
+  return request_identity(info).writer_guid().guidPrefix != sender.guidPrefix &&
+         participant.is_foreign(sender);
+}
+
 std::optional<std::int64_t> first_attempt(const MessageInfo& info) {
   const auto first = static_cast<std::int64_t>(info.related.sequence_number().to64long());
   if (first <= 0 || first >= static_cast<std::int64_t>(info.identity.sequence_number().to64long()))
@@ -123,6 +132,10 @@ void ServiceCore::review_clients() {
 }
 
 std::optional<Ticket> ServiceCore::begin(const MessageInfo& info) {
+  if (borrows_a_name(participant_, info)) {
+    ++unrefused_;
+    return std::nullopt;
+  }
   const SampleIdentity request = request_identity(info);
   const auto judgement =
       requests_.judge(request, first_attempt(info), within_reach(request.writer_guid()), executor_.now());
@@ -136,6 +149,7 @@ std::optional<Ticket> ServiceCore::begin(const MessageInfo& info) {
 }
 
 void ServiceCore::on_lost(const MessageInfo& info, std::int64_t first, std::int64_t last) {
+  if (borrows_a_name(participant_, info)) return;
   refuse(request_identity(info).writer_guid(), first, last);
 }
 

@@ -9,6 +9,7 @@
 #include <span>
 
 #include <arpa/inet.h>
+#include <fastdds/rtps/network/SenderResource.h>
 #include <fastdds/rtps/transport/ChainingTransport.h>
 #include <fastdds/rtps/transport/ChainingTransportDescriptor.h>
 #include <fastdds/rtps/transport/TransportReceiverInterface.h>
@@ -20,6 +21,7 @@
 
 #include "base/fd.hpp"
 #include "base/log.hpp"
+#include "ros/datagram_seal.hpp"
 #include "ros/participant.hpp"
 
 namespace srfs::ros {
@@ -63,6 +65,11 @@ Fd bind_socket(const in_addr& address, std::uint16_t port, int buffer_octets, bo
   me.sin_addr = address;
   if (bind(fd.get(), reinterpret_cast<const sockaddr*>(&me), sizeof me) != 0) return {};
   return fd;
+}
+
+bool is_forged(OctetView datagram, MonotonicTime now) {
+  const auto& seal = datagram_seal();
+  return seal && seal->judge(datagram, now) == DatagramSeal::Verdict::forged;
 }
 
 /// Whose datagrams a socket has.
@@ -179,6 +186,7 @@ class Channel {
   }
 
   bool passes(OctetView datagram, MonotonicTime now) {
+    if (is_forged(datagram, now)) return false;
     if (!state_->filter) return true;
     const bool sheds = senders_ == Senders::all && shedder_.shed(now, now - busy_since_.value_or(now));
     return state_->filter->judge(datagram, sheds, now) == DatagramFilter::Verdict::pass;
@@ -249,6 +257,7 @@ class HeldReceiver final : public rtps::TransportReceiverInterface {
                       const Locator_t& remote) override {
     state_->discovery.pass();
     forget_stalled(local);
+    if (is_forged({data, size}, monotonic_now())) return;
     const bool passes =
         !state_->filter || state_->filter->judge_discovery({data, size}) == DatagramFilter::Verdict::pass;
     if (passes) receiver_.OnDataReceived(data, size, local, remote);
@@ -286,6 +295,25 @@ struct Descriptor : rtps::ChainingTransportDescriptor {
   std::shared_ptr<TransportState> state;
 };
 
+/// Sends by a sender of the UDP transport, which outlives it, with the suite's seal.
+class SealingSender final : public eprosima::fastrtps::rtps::SenderResource {
+ public:
+  explicit SealingSender(SenderResource& udp) : SenderResource(udp.kind()), udp_(udp) {
+    send_lambda_ = [&udp](const eprosima::fastrtps::rtps::octet* data, std::uint32_t size, auto* begin,
+                          auto* end, const std::chrono::steady_clock::time_point& deadline) {
+      thread_local Octets sealed;  // grows to the longest message
+      datagram_seal()->seal({data, size}, monotonic_now(), sealed);
+      return udp.send(sealed.data(), static_cast<std::uint32_t>(sealed.size()), begin, end, deadline);
+    };
+  }
+  void add_locators_to_list(eprosima::fastrtps::rtps::LocatorList_t& locators) const override {
+    udp_.add_locators_to_list(locators);
+  }
+
+ private:
+  SenderResource& udp_;
+};
+
 class WorkThreadTransport final : public rtps::ChainingTransport {
  public:
   explicit WorkThreadTransport(const Descriptor& descriptor)
@@ -301,6 +329,7 @@ class WorkThreadTransport final : public rtps::ChainingTransport {
     descriptor_.state->on_members_changed({});
     descriptor_.state->receive_waiting = [] {};
     descriptor_.state->discovery.open();
+    udp_senders_.clear();
     low_level_transport_.reset();  // its threads use the held receivers
   }
   WorkThreadTransport(const WorkThreadTransport&) = delete;
@@ -320,7 +349,8 @@ class WorkThreadTransport final : public rtps::ChainingTransport {
     if (!is_user_unicast(locator)) {
       const std::lock_guard lock(mutex_);
       held_.push_back(std::make_unique<HeldReceiver>(*receiver, descriptor_.state));
-      return low_level_transport_->OpenInputChannel(locator, held_.back().get(), max_message_octets);
+      return low_level_transport_->OpenInputChannel(
+          locator, held_.back().get(), max_message_octets + static_cast<std::uint32_t>(DatagramSeal::octets));
     }
     if (IsInputChannelOpen(locator)) return true;
     std::vector<std::unique_ptr<Channel>> made;
@@ -349,9 +379,15 @@ class WorkThreadTransport final : public rtps::ChainingTransport {
     return true;
   }
 
-  // What goes out goes straight through the UDP transport: no link of a chain in the path of a sample.
+  // What goes out goes straight through the UDP transport: no link of a chain in the path of a sample. Where
+  // it is sealed, the UDP transport finds its own senders again among themselves.
   bool OpenOutputChannel(rtps::SendResourceList& list, const Locator_t& locator) override {
-    return low_level_transport_->OpenOutputChannel(list, locator);
+    if (!datagram_seal()) return low_level_transport_->OpenOutputChannel(list, locator);
+    const std::size_t before = udp_senders_.size();
+    if (!low_level_transport_->OpenOutputChannel(udp_senders_, locator)) return false;
+    for (std::size_t i = before; i < udp_senders_.size(); ++i)
+      list.push_back(std::make_unique<SealingSender>(*udp_senders_[i]));
+    return true;
   }
   bool send(eprosima::fastrtps::rtps::SenderResource*, const eprosima::fastrtps::rtps::octet*, std::uint32_t,
             eprosima::fastrtps::rtps::LocatorsIterator*, eprosima::fastrtps::rtps::LocatorsIterator*,
@@ -396,7 +432,7 @@ class WorkThreadTransport final : public rtps::ChainingTransport {
   }
 
   [[nodiscard]] std::size_t buffer_octets() const {
-    return std::size_t{datagrams_a_call} * descriptor_.max_message_size();
+    return datagrams_a_call * (std::size_t{descriptor_.max_message_size()} + DatagramSeal::octets);
   }
 
   Descriptor descriptor_;
@@ -405,6 +441,7 @@ class WorkThreadTransport final : public rtps::ChainingTransport {
   mutable std::mutex mutex_;
   std::vector<std::unique_ptr<Channel>> channels_;
   std::vector<std::unique_ptr<HeldReceiver>> held_;
+  rtps::SendResourceList udp_senders_;  ///< of which sealing ones are given out
 };
 
 rtps::TransportInterface* Descriptor::create_transport() const {

@@ -433,6 +433,7 @@ Deployment Deployment::load(const std::filesystem::path& file) {
                 : graph == "iron" ? ros::GraphDialect::iron
                                   : ros::GraphDialect::off;
   d.drop_foreign = dds.choice("foreign", {"report", "drop"}, "report") == "drop";
+  d.open_orders = dds.choice("orders", {"proven", "open"}, "proven") == "open";
   dds.finish();
   const ConfigSection devices = root.section("devices");
   for (const std::string& key : devices.keys()) d.devices[key] = devices.text(key);
@@ -536,6 +537,11 @@ std::optional<std::string_view> why_known_key_file(const std::filesystem::path& 
 std::string unsafe_link(const Deployment& deployment, const std::filesystem::path& var) {
   const auto line = deployment.devices.find("rs422");
   if (line == deployment.devices.end() || !is_hardware_line(line->second, var)) return {};
+  if (deployment.open_orders)
+    return fmt::format(
+        "{}: 'dds.orders': is open, and {} is a line of hardware: any program on this computer could command "
+        "the spacecraft",
+        deployment.file.string(), line->second);
   for (const TelecommandChannel& channel : deployment.link.channels) {
     if (channel.security == ChannelSecurity::none)
       return fmt::format(

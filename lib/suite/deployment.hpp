@@ -165,6 +165,9 @@ struct Deployment {
   std::vector<std::string> interfaces;
   ros::GraphDialect ros_graph = ros::GraphDialect::humble;
   bool drop_foreign = false;  ///< drop what participants outside the suite publish on flight topics
+  /// Nodes obey anyone in the DDS domain: telecommands without ttc's proof, lifecycle transitions and
+  /// parameters of participants outside the suite. For a bench; refused on a line of hardware.
+  bool open_orders = false;
   std::map<std::string, std::string> devices;
   LinkSettings link;
   std::vector<Bus> buses{Bus{}};  ///< the first is that of `slots`, and of added nodes

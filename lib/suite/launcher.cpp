@@ -36,6 +36,7 @@
 #include "base/process.hpp"
 #include "base/time.hpp"
 #include "suite/added_nodes.hpp"
+#include "suite/command_keys.hpp"
 #include "suite/confinement.hpp"
 #include "suite/node_versions.hpp"
 #include "suite/real_time.hpp"
@@ -543,6 +544,11 @@ Result<pid_t, std::string> start_version(const LaunchRequest& request, const Nod
   const auto program = in_slot ? std::filesystem::absolute(versions_folder(request.var, node.name) /
                                                            fmt::format("{}.{}", node.name, number))
                                : golden_program(request, node);
+  // A node without them works, and executes no telecommand: it says so. Before it is confined to them.
+  if (const auto handed = hand_out_command_key(request.var, node.name); !handed)
+    log::error("no command key for {}: {}", node.name, handed.error());
+  if (const auto seal = suite_seal_key(request.var); !seal)
+    log::error("no key for the datagrams of {}: {}", node.name, seal.error());
   const auto prepared = prepare(request, node, program, number);
   if (!prepared) return Err(prepared.error());
   end_pretenders(request.var, node.name);

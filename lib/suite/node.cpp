@@ -41,7 +41,8 @@ ros::NodeOptions options_of(const NodeContext& context, const KeptParameters& ke
       .participant = context.participant,
       .graph = context.deployment.ros_graph,
       .parameters = std::move(parameters),
-      .worker_deadline = entry != nullptr ? entry->worker_deadline : context.deployment.ring.worker_deadline};
+      .worker_deadline = entry != nullptr ? entry->worker_deadline : context.deployment.ring.worker_deadline,
+      .obeys_foreign = context.deployment.open_orders};
 }
 
 }  // namespace
@@ -231,6 +232,16 @@ void Node::on_malformed_samples(const std::string& topic, std::uint64_t count) {
 void Node::on_foreign_samples(const std::string& topic, std::uint64_t count, const std::string& source) {
   raise(mission::NodeForeignSamplesEvent{
       .count = static_cast<std::uint32_t>(count), .topic = topic, .participant = source});
+}
+
+void Node::on_order_refused(const std::string& service, std::uint64_t count, const std::string& source) {
+  if (!refused_orders_.add(monotonic_now())) return;
+  log::warn(
+      "{} orders from outside the suite refused so far, last on {} by participant {}: dds.orders is "
+      "proven; use srfs",
+      count, service, source);
+  raise(mission::NodeForeignSamplesEvent{
+      .count = static_cast<std::uint32_t>(count), .topic = service, .participant = source});
 }
 
 void Node::on_self_check() {

@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "base/octets.hpp"
+#include "base/rejection_log.hpp"
 #include "msgs/mission/node_tables.hpp"
 #include "ros/lifecycle_node.hpp"
 #include "suite/departures.hpp"
@@ -146,6 +147,7 @@ class Node : public ros::LifecycleNode {
   void on_parameters_changed(const std::vector<std::string>& names) override;
   void on_malformed_samples(const std::string& topic, std::uint64_t count) override;
   void on_foreign_samples(const std::string& topic, std::uint64_t count, const std::string& source) override;
+  void on_order_refused(const std::string& service, std::uint64_t count, const std::string& source) override;
   void on_self_check() override;
 
  private:
@@ -173,6 +175,7 @@ class Node : public ros::LifecycleNode {
   std::unique_ptr<CheckAliveService> check_alive_;
   ModeFollower mode_;
   std::optional<std::uint32_t> obeyed_change_;
+  RejectionLog refused_orders_;
   bool mode_reported_ = false;
   std::shared_ptr<ros::Subscription<srfs_msgs::msg::SystemMode>> mode_subscription_;
   ros::Timer mode_timer_;

@@ -111,6 +111,8 @@ void NodeIntrospection::on_save(const SaveParameters::Request& request, ros::Tic
     if (!outcome) log::warn("parameters not saved: {}", outcome.error());
     save_->reply(ticket, outcome_of(outcome));
   };
+  if (node_.refuses_order(save_->client(ticket), "~/save_parameters"))
+    return answer(Err(std::string("refused: not from the suite")));
   if (request.operation > SaveParameters::Request::REPORT)
     return answer(Err(fmt::format("there is no operation {}", request.operation)));
   ParameterStorage::Request wanted{.operation = static_cast<ParameterStorage::Operation>(request.operation),

@@ -21,6 +21,7 @@
 #include "base/signals.hpp"
 #include "srfs_version.hpp"
 #include "suite/added_nodes.hpp"
+#include "suite/command_keys.hpp"
 #include "suite/crash_report.hpp"
 #include "suite/node.hpp"
 #include "suite/real_time.hpp"
@@ -342,6 +343,18 @@ void use_dictionary_of(const Deployment& deployment) {
   if (!deployment.dictionary.empty()) setenv("SRFS_MISSION_DIR", deployment.dictionary.c_str(), 1);
 }
 
+void seal_datagrams_of(const VarPaths& var) {
+  const auto key = suite_seal_key(var);
+  if (!key) {
+    log::error("the other nodes take this one for foreign, and it all others: {}", key.error());
+    return;
+  }
+  ros::seal_datagrams(*key, [var] {
+    const auto now = suite_seal_key(var);
+    return now ? std::optional(*now) : std::nullopt;
+  });
+}
+
 /// @param page this process' heartbeat page, once there is one
 int run(const Arguments& arguments, const Program& program, std::optional<HeartbeatPage>& page) {
   auto starter = StarterClient::of_this_process();
@@ -379,6 +392,7 @@ int run(const Arguments& arguments, const Program& program, std::optional<Heartb
                                   ros::SuiteIdentity{deployment.name, arguments.name, incarnation}};
   options.drop_foreign = deployment.drop_foreign;
   if (deployment.ring.enabled) options.lease = lease_beside_the_ring;
+  if (!deployment.open_orders) seal_datagrams_of(var);
   auto participant = ros::Participant::create(options);
   if (!participant) {
     log::error("{}", participant.error());

@@ -192,6 +192,7 @@ void PayloadNode::open_topics() {
   gpio_worker_ = create_worker("gpio", 4);
   statuses_ = create_publisher(suite::topics::bus_status);
   activities_ = create_publisher(suite::topics::activity(name()));
+  authority_.emplace(*this);
   reports_ = create_publisher(suite::topics::telecommand_report);
   ticks_ = create_subscription(suite::topics::time_tick,
                                [this](const srfs_msgs::msg::TimeTick& m) { time_.on_tick(m); });
@@ -435,7 +436,7 @@ void PayloadNode::on_flags(const srfs_msgs::msg::TaskFlags& flags, const ros::Me
 }
 
 void PayloadNode::on_telecommand(const srfs_msgs::msg::Telecommand& m) {
-  if (m.target != name()) return;
+  if (m.target != name() || !authority_->admits(m)) return;
   run(cycle_->on_telecommand(from_message(m), monotonic_now()));
 }
 
@@ -878,7 +879,10 @@ void PayloadNode::carry_out(const StageReport& action) {
 void PayloadNode::flush_reports() {
   // Telecommands are published by ttc. A recorder that listens to the reports does not keep them for ttc.
   if (!reports_ || !telecommands_ || !reports_->is_heard_by_a_publisher_of(*telecommands_)) return;
-  while (const auto report = unheard_.pop()) reports_->publish(*report);
+  while (auto report = unheard_.pop()) {
+    authority_->prove(*report);
+    reports_->publish(*report);
+  }
 }
 
 void PayloadNode::carry_out(const Activity& action) {

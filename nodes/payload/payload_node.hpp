@@ -16,6 +16,7 @@
 #include "nodes/payload/payload_profile.hpp"
 #include "nodes/payload/peripheral_link.hpp"
 #include "nodes/payload/sensor_inputs.hpp"
+#include "suite/commanding/command_authority.hpp"
 #include "suite/mission_time.hpp"
 #include "suite/node.hpp"
 
@@ -116,6 +117,7 @@ class PayloadNode : public suite::Node {
   std::shared_ptr<ros::Publisher<srfs_msgs::msg::BusStatus>> statuses_;
   std::shared_ptr<ros::Publisher<srfs_msgs::msg::PayloadActivity>> activities_;
   std::shared_ptr<ros::Publisher<srfs_msgs::msg::TelecommandReport>> reports_;
+  std::optional<CommandAuthority> authority_;  ///< as long as the topics are open
   std::shared_ptr<ros::Subscription<srfs_msgs::msg::TaskFlags>> flags_;
   std::shared_ptr<ros::Subscription<srfs_msgs::msg::PeripheralReset>> resets_;
   std::shared_ptr<ros::Subscription<srfs_msgs::msg::Telecommand>> telecommands_;

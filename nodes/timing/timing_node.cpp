@@ -152,8 +152,9 @@ CallbackReturn TimingNode::on_configure() {
       save_period, [this] { run(reservation_->renew()); }, "save time");
   discipline_timer_ = create_timer(
       discipline_period, [this] { run(timekeeper_->on_time_passing(monotonic_now())); }, "discipline");
-  set_time_ = create_service<srfs_msgs::srv::SetTime>(
-      "~/set_time", [this](const auto& request, auto& response) { on_set_time(request, response); });
+  set_time_ = create_order_service<srfs_msgs::srv::SetTime>(
+      "~/set_time", [this](const auto& request, auto& response) { on_set_time(request, response); },
+      [](const auto&, auto& response) { response.outcome = srfs_msgs::srv::SetTime::Response::REFUSED; });
   return CallbackReturn::success;
 }
 

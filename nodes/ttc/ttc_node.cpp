@@ -4,6 +4,8 @@
 
 #include <array>
 
+#include <fmt/format.h>
+
 namespace srfs {
 namespace {
 
@@ -163,6 +165,7 @@ void TtcNode::carry_out(const PublishTelecommand& action) {
   message.repeat_class = static_cast<std::uint8_t>(command.repeat_class);
   message.expiry_ns = static_cast<std::uint64_t>(action.telecommand.expiry.ns());
   message.arguments = action.telecommand.arguments;
+  signer_->prove(message);
   telecommands_->publish(message);
 }
 
@@ -294,6 +297,7 @@ void TtcNode::on_telemetry(const srfs_msgs::msg::PayloadTelemetry& message) {
 void TtcNode::on_telecommand_report(const srfs_msgs::msg::TelecommandReport& message) {
   const auto stage = to_stage(message.stage);
   if (!is_active() || !stage) return;
+  if (!signer_->believes(message)) return reject(message);
   core_->on_telecommand_report(message.node,
                                {.id = message.id,
                                 .stage = *stage,
@@ -303,6 +307,16 @@ void TtcNode::on_telecommand_report(const srfs_msgs::msg::TelecommandReport& mes
                                 .data = message.data},
                                now());
   advance();
+}
+
+void TtcNode::reject(const srfs_msgs::msg::TelecommandReport& message) {
+  if (!rejected_reports_.add(now())) return;
+  const std::string what = fmt::format("wrong proof: telecommand {} of {}", message.id, message.node);
+  log::error("{} telecommand reports that are not their node's were rejected so far, last {}",
+             rejected_reports_.count(), what);
+  raise(mission::NodeForeignSamplesEvent{.count = rejected_reports_.count(),
+                                         .topic = suite::topics::telecommand_report.name,
+                                         .participant = what});
 }
 
 // ---- periodic work

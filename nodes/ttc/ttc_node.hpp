@@ -21,6 +21,7 @@
 #include "nodes/ttc/ttc_core.hpp"
 #include "nodes/ttc/ttc_disk.hpp"
 #include "nodes/ttc/ttc_imaging.hpp"
+#include "suite/commanding/command_authority.hpp"
 #include "suite/node.hpp"
 
 namespace srfs {
@@ -68,6 +69,7 @@ class TtcNode : public suite::Node {
   void on_tick(const srfs_msgs::msg::TimeTick& tick);
   void on_telemetry(const srfs_msgs::msg::PayloadTelemetry& message);
   void on_telecommand_report(const srfs_msgs::msg::TelecommandReport& message);
+  void reject(const srfs_msgs::msg::TelecommandReport& message);
   void send_own_housekeeping();
   void send_beacon();
   void look_at_nodes();
@@ -109,7 +111,9 @@ class TtcNode : public suite::Node {
   std::uint64_t next_telecommand_id_ = 0;  ///< after the last clean-up, 0: none yet
   TtcCore::Remembered remembered_;
 
+  std::optional<CommandSigner> signer_;  ///< as long as the next
   std::shared_ptr<ros::Publisher<srfs_msgs::msg::Telecommand>> telecommands_;
+  RejectionLog rejected_reports_;
   std::shared_ptr<ros::Publisher<srfs_msgs::msg::SystemMode>> mode_publisher_;
   std::vector<std::shared_ptr<void>> subscriptions_;
   std::map<std::string, std::shared_ptr<ros::Client<lifecycle_msgs::srv::GetState>>> state_clients_;

@@ -21,8 +21,8 @@ struct Bus {
   std::unique_ptr<ros::Participant> participant;
 
   /// Throws std::runtime_error when no participant can be created.
-  Bus(const suite::Deployment& deployment, int domain) {
-    auto made = ros::Participant::create(participant_options(deployment, domain, executor));
+  Bus(const Target& target, int domain) {
+    auto made = ros::Participant::create(participant_options(target, domain, executor));
     if (!made) throw std::runtime_error(made.error());
     participant = std::move(*made);
   }

@@ -309,7 +309,7 @@ int record_mcap(const Target& target, const McapRecording& recording) {
   }
   const Fd signals = termination_signals();
   ros::Executor executor;
-  ros::ParticipantOptions options = participant_options(target.deployment, *domain, executor);
+  ros::ParticipantOptions options = participant_options(target, *domain, executor);
   options.remember_topics = true;
   options.bound_foreign = false;
   options.drop_foreign = false;

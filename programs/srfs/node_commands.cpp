@@ -58,7 +58,7 @@ Reach reach(const Target& target, const std::string& node) {
     r.problem = "the suite is not running (no " + target.var.domain_file().string() + ")";
     r.exit = CommandExit::no_answer;
   } else {
-    r.bus = std::make_unique<Bus>(target.deployment, *domain);
+    r.bus = std::make_unique<Bus>(target, *domain);
   }
   return r;
 }

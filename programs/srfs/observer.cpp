@@ -144,7 +144,7 @@ int record(const Target& target, seconds duration) {
   const Fd signals = termination_signals();
 
   ros::Executor executor;
-  auto participant = ros::Participant::create(participant_options(target.deployment, *domain, executor));
+  auto participant = ros::Participant::create(participant_options(target, *domain, executor));
   if (!participant) {
     std::fprintf(stderr, "srfs record: %s\n", participant.error().c_str());
     return 1;

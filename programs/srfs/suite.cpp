@@ -23,6 +23,7 @@
 #include "programs/srfs/process_cpu.hpp"
 #include "programs/srfs/start.hpp"
 #include "programs/srfs/state_questions.hpp"
+#include "suite/command_keys.hpp"
 #include "suite/departures.hpp"
 #include "suite/launcher.hpp"
 #include "suite/node_processes.hpp"
@@ -177,12 +178,15 @@ Target selection(const Target& suite, const std::vector<std::string>& only) {
 
 }  // namespace
 
-ros::ParticipantOptions participant_options(const suite::Deployment& deployment, int domain,
-                                            ros::Executor& executor) {
+ros::ParticipantOptions participant_options(const Target& target, int domain, ros::Executor& executor) {
+  const suite::Deployment& deployment = target.deployment;
   ros::ParticipantOptions options{
       domain, deployment.interfaces, &executor,
       ros::SuiteIdentity{deployment.name, "srfs", static_cast<std::uint32_t>(getpid())}};
   if (deployment.ring.enabled) options.lease = suite::lease_beside_the_ring;
+  // Who may not read the key sees the suite, and orders nothing.
+  const auto key = deployment.open_orders ? std::nullopt : suite::find_seal_key(target.var);
+  if (key) ros::seal_datagrams(*key, [var = target.var] { return suite::find_seal_key(var); });
   return options;
 }
 
@@ -212,8 +216,10 @@ UpReport up_locked(const Target& suite, const UpOptions& options) {
     return report;
   }
   report.domain = (*domain)->domain();
+  if (!running) suite::forget_command_keys(suite.var);
+  (void)suite::suite_seal_key(suite.var);  // the nodes say what is wrong with it
   const Target target = selection(suite, options.only);
-  Bus bus(target.deployment, report.domain);  // before the nodes, so that it does not slow their start
+  Bus bus(target, report.domain);  // before the nodes, so that it does not slow their start
   Start start(target, options, bus);
   const suite::LaunchRequest request{suite.deployment, target.var, suite::suite_bin_folder(), options.cause};
   // Without timing nobody tells whether the suite becomes healthy.
@@ -342,7 +348,7 @@ std::vector<NodeStatus> status(const Target& target, milliseconds deadline) {
   }
   const auto domain = running_domain(target);
   if (running.empty() || !domain) return all;
-  Bus bus(target.deployment, *domain);
+  Bus bus(target, *domain);
   StateQuestions questions(bus, running);
   bus.executor.spin_until(
       [&] {

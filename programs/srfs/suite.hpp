@@ -22,7 +22,7 @@ struct Target {
 };
 
 /// A tool's participant: it belongs to the suite that it inspects.
-[[nodiscard]] ros::ParticipantOptions participant_options(const suite::Deployment& deployment, int domain,
+[[nodiscard]] ros::ParticipantOptions participant_options(const Target& target, int domain,
                                                           ros::Executor& executor);
 
 /// One line of `srfs status`.

@@ -18,7 +18,7 @@ int show_topics(const Target& target, std::optional<int> domain, milliseconds wa
     return 1;
   }
   ros::Executor executor;
-  ros::ParticipantOptions options = participant_options(target.deployment, *domain, executor);
+  ros::ParticipantOptions options = participant_options(target, *domain, executor);
   options.remember_topics = true;
   const auto participant = ros::Participant::create(options);
   if (!participant) {

@@ -23,7 +23,9 @@ suite::DomainLock shared_domain() {
 Suite::Suite(std::filesystem::path bin, int most_nodes, int beat_period_ms, Ring ring)
     : bin_(std::move(bin)), most_nodes_(most_nodes), domain_(shared_domain()) {
   std::ofstream out(deployment());
-  out << "deployment: bench\n" << (ring == Ring::on ? "ring: {period_ms: 100}\n" : "") << "nodes:\n";
+  // The bench itself belongs to no suite, and publishes to the nodes.
+  out << "deployment: bench\ndds: {orders: open}\n"
+      << (ring == Ring::on ? "ring: {period_ms: 100}\n" : "") << "nodes:\n";
   for (int i = 0; i < most_nodes; ++i)
     out << fmt::format("  - {{name: {}, executable: bench_node, parameters: {{beat_period_ms: {}}}}}\n",
                        name(i), beat_period_ms);

@@ -43,7 +43,7 @@ class NodeProcess {
 class ConformanceTest : public testing::Test {
  protected:
   static void SetUpTestSuite() {
-    node_ = std::make_unique<NodeProcess>("probe", "{ros_graph: humble}");
+    node_ = std::make_unique<NodeProcess>("probe", "{ros_graph: humble, orders: open}");
     shared_peer_ = std::make_unique<Ros2Peer>(test_domain());
   }
   static void TearDownTestSuite() {

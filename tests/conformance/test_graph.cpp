@@ -90,7 +90,7 @@ TEST_F(Graph, HumbleLearnsOfEveryEndpointOfTheNode) {
 }
 
 TEST_F(Graph, IronLearnsOfEveryEndpointOfTheNode) {
-  const NodeProcess iron("probe_iron", "{ros_graph: iron}");
+  const NodeProcess iron("probe_iron", "{ros_graph: iron, orders: open}");
   expect_graph_equals_discovery(iron, 16);
 }
 
@@ -112,7 +112,7 @@ TEST_F(Graph, TheTopicHasTheQosOfRmwFastrtps) {
 TEST_F(Graph, ANodeThatStopsIsGoneWithItsParticipant) {
   Octets user_data;
   {
-    const NodeProcess brief("brief", "{}");
+    const NodeProcess brief("brief", "{orders: open}");
     (void)find(brief);
     user_data = brief.user_data();
   }
@@ -124,7 +124,7 @@ TEST_F(Graph, ANodeThatStopsIsGoneWithItsParticipant) {
 }
 
 TEST_F(Graph, ADeploymentThatWantsNoneHasNone) {
-  const NodeProcess quiet("quiet", "{ros_graph: off}");
+  const NodeProcess quiet("quiet", "{ros_graph: off, orders: open}");
   const SeenParticipant seen = find(quiet);
   ASSERT_TRUE(wait_for([&] { return peer_.endpoints_of(seen.guid).size() >= 27; }));
   for (const SeenEndpoint& endpoint : peer_.endpoints_of(seen.guid)) {

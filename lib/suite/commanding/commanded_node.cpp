@@ -12,6 +12,7 @@ namespace srfs {
 
 void CommandedNode::open_commanding() {
   const auto file = state_dir() / "telecommands";
+  authority_.emplace(*this);
   journal_ = read_journal(file);
   written_ = 0;
   store_ = create_worker("store", 8);
@@ -30,13 +31,14 @@ void CommandedNode::close_commanding() {
   store_.reset();
   reports_.reset();
   journal_.reset();
+  authority_.reset();
   executing_ = false;
   awaits_record_ = false;
   writing_ = false;
 }
 
 void CommandedNode::on_telecommand(const srfs_msgs::msg::Telecommand& message) {
-  if (message.target != name() || !journal_) return;
+  if (message.target != name() || !journal_ || !authority_->admits(message)) return;
   StoredTelecommand telecommand = from_message(message);
   if (!journal_->repeat_reports(telecommand.id)) {
     const FailureCode refusal = check(telecommand.function, telecommand.arguments);
@@ -114,7 +116,10 @@ bool CommandedNode::is_heard_by_ttc() const {
 void CommandedNode::flush_reports() {
   // ttc publishes the telecommands; a recorder that listens to the reports keeps none of them for it.
   if (!is_heard_by_ttc()) return;
-  while (const auto report = unheard_.pop()) reports_->publish(*report);
+  while (auto report = unheard_.pop()) {
+    authority_->prove(*report);
+    reports_->publish(*report);
+  }
 }
 
 }  // namespace srfs

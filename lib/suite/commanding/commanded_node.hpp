@@ -8,14 +8,16 @@
 #include <mission/structures.hpp>
 
 #include "base/bounded_queue.hpp"
+#include "suite/commanding/command_authority.hpp"
 #include "suite/commanding/telecommand_journal.hpp"
 #include "suite/node.hpp"
 
 namespace srfs {
 
 /// A node that executes telecommands at once, one at a time, in the order in which they came. (A payload
-/// executes them in its CAN slots: nodes/payload.) Each is on disk before its acceptance is reported and
-/// stays there until its end is; a known id is reported again, not executed again.
+/// executes them in its CAN slots: nodes/payload.) What is not ttc's is rejected (CommandAuthority). Each is
+/// on disk before its acceptance is reported and stays there until its end is; a known id is reported again,
+/// not executed again.
 class CommandedNode : public suite::Node {
  public:
   using Node::Node;
@@ -43,6 +45,7 @@ class CommandedNode : public suite::Node {
   void on_written(std::uint64_t revision, bool ok);
   void flush_reports();
 
+  std::optional<CommandAuthority> authority_;  ///< as long as the journal
   std::optional<TelecommandJournal> journal_;
   bool executing_ = false;
   bool awaits_record_ = false;  ///< the start of the next one, an at-most-once command

@@ -19,23 +19,24 @@ constexpr std::uint32_t magic = 0x53544A31;  // "STJ1"
 // Flags of an ended telecommand.
 constexpr std::uint8_t succeeded = 1;
 constexpr std::uint8_t reported = 2;
+constexpr std::uint8_t earlier_boot = 4;
 
-void encode_report(OctetWriter& out, const StageReport& report, bool was_reported) {
+void encode_report(OctetWriter& out, const StageReport& report, std::uint8_t flags) {
   out.u64(report.id);
   out.u8(static_cast<std::uint8_t>(report.stage));
-  out.u8(static_cast<std::uint8_t>((report.success ? succeeded : 0) | (was_reported ? reported : 0)));
+  out.u8(static_cast<std::uint8_t>((report.success ? succeeded : 0) | flags));
   out.u16(report.failure);
 }
 
-/// @return and whether it was reported
-std::pair<StageReport, bool> decode_report(OctetReader& in) {
+/// @return and its flags
+std::pair<StageReport, std::uint8_t> decode_report(OctetReader& in) {
   StageReport report;
   report.id = in.u64();
   report.stage = static_cast<Stage>(in.u8());
   const std::uint8_t flags = in.u8();
   report.success = (flags & succeeded) != 0;
   report.failure = in.u16();
-  return {report, (flags & reported) != 0};
+  return {report, flags};
 }
 
 }  // namespace
@@ -56,7 +57,10 @@ Octets TelecommandJournal::encode() const {
     out.bytes(p.telecommand.arguments);
   }
   out.u8(static_cast<std::uint8_t>(known_.size()));
-  for (const StageReport& report : known_) encode_report(out, report, !waits_for_disk(report.id));
+  for (const auto& [report, of_this_boot] : known_) {
+    const int flags = (waits_for_disk(report.id) ? 0 : reported) | (of_this_boot ? 0 : earlier_boot);
+    encode_report(out, report, static_cast<std::uint8_t>(flags));
+  }
   out.u16(wire::crc16(out.view()));
   assert(out.ok());
   return out.take();
@@ -85,21 +89,28 @@ Result<void, JournalError> TelecommandJournal::restore(OctetView content) {
     p.restored = true;
     pending.push_back(std::move(p));
   }
-  std::deque<StageReport> known;
+  std::deque<Known> known;
   std::vector<StageReport> unreported;
   for (std::size_t n = in.u8(); n > 0 && in.ok(); --n) {
-    const auto [report, was_reported] = decode_report(in);
+    const auto [report, flags] = decode_report(in);
     const bool is_stage = report.stage == Stage::acceptance || report.stage == Stage::start ||
                           report.stage == Stage::completion;
     if (!is_stage) return Err(JournalError::damaged);
-    known.push_back(report);
-    if (!was_reported) unreported.push_back(report);
+    known.push_back({report, same_boot && (flags & earlier_boot) == 0});
+    if ((flags & reported) == 0) unreported.push_back(report);
   }
   if (!in.ok() || in.remaining() != 2 || pending.size() > capacity || known.size() > known_capacity) {
     return Err(JournalError::damaged);
   }
 
   known_ = std::move(known);
+  // Ids of another boot mean nothing here: their proofs are worthless, and the clock that ids are taken from
+  // may have been lost.
+  forgotten_ = 0;
+  if (known_.size() == known_capacity && known_.front().of_this_boot)
+    forgotten_ = std::min_element(known_.begin(), known_.end(), [](const auto& a, const auto& b) {
+                   return a.report.id < b.report.id;
+                 })->report.id;
   // The process may have ended between the record of an end and its report.
   ready_ = std::move(unreported);
   pending_.clear();
@@ -107,9 +118,9 @@ Result<void, JournalError> TelecommandJournal::restore(OctetView content) {
   for (Pending& p : pending) {
     const std::uint64_t id = p.telecommand.id;
     if (p.started) {
-      remember({id, Stage::completion, false, mission::failure::interrupted});
+      remember({id, Stage::completion, false, mission::failure::interrupted}, same_boot);
     } else if (!same_boot) {
-      remember(too_late(p));
+      remember(too_late(p), false);
     } else {
       pending_.push_back(std::move(p));
     }
@@ -124,13 +135,19 @@ bool TelecommandJournal::repeat_reports(std::uint64_t id) {
     ++counters_.repeated;
     return true;
   }
-  for (const StageReport& report : known_) {
+  for (const auto& [report, of_this_boot] : known_) {
     if (report.id != id) continue;
     if (!waits_for_disk(id)) {
       // A sender that asks again has missed the acceptance too.
       ready_.push_back({.id = id});
       ready_.push_back(report);
     }
+    ++counters_.repeated;
+    return true;
+  }
+  for (const StageReport& report : refused_) {
+    if (report.id != id) continue;
+    ready_.push_back(report);
     ++counters_.repeated;
     return true;
   }
@@ -145,6 +162,10 @@ TelecommandJournal::Arrival TelecommandJournal::add(StoredTelecommand telecomman
   assert(telecommand.arguments.size() <= longest_arguments);
   if (repeat_reports(telecommand.id)) return Arrival::known;
   ++counters_.arrived;
+  if (telecommand.id <= forgotten_) {
+    refuse(telecommand.id, mission::failure::interrupted);
+    return Arrival::too_old;
+  }
   if (pending_.size() == capacity) {
     refuse(telecommand.id, mission::failure::queue_full);
     return Arrival::full;
@@ -158,7 +179,9 @@ TelecommandJournal::Arrival TelecommandJournal::add(StoredTelecommand telecomman
 
 void TelecommandJournal::refuse(std::uint64_t id, FailureCode why) {
   ++counters_.refused;
-  ready_.push_back({id, Stage::acceptance, false, why});
+  if (refused_.size() == refused_capacity) refused_.pop_front();
+  refused_.push_back({id, Stage::acceptance, false, why});
+  ready_.push_back(refused_.back());
 }
 
 StageReport TelecommandJournal::too_late(const Pending& pending) {
@@ -245,10 +268,13 @@ void TelecommandJournal::end_front(const StageReport& report) {
   remember(report);
 }
 
-void TelecommandJournal::remember(const StageReport& report) {
+void TelecommandJournal::remember(const StageReport& report, bool of_this_boot) {
   ++(report.success ? counters_.completed : counters_.failed);
-  known_.push_back(report);
-  if (known_.size() > known_capacity) known_.pop_front();
+  known_.push_back({report, of_this_boot});
+  if (known_.size() > known_capacity) {
+    if (known_.front().of_this_boot) forgotten_ = std::max(forgotten_, known_.front().report.id);
+    known_.pop_front();
+  }
   waiting_.push_back({report, revision_});
 }
 

@@ -52,8 +52,12 @@ enum class JournalError : std::uint8_t { not_a_journal, damaged };
 /// then. Pure; one thread.
 class TelecommandJournal {
  public:
-  static constexpr std::size_t capacity = 16;        ///< pending at most; the next one is refused
-  static constexpr std::size_t known_capacity = 64;  ///< ended ids remembered; the oldest is forgotten first
+  static constexpr std::size_t capacity = 16;  ///< pending at most; the next one is refused
+  /// Ended ids remembered; the oldest is forgotten first. What is as old as one that was forgotten and is not
+  /// known is a replay: ttc gives out ids that count up, and is never so many ahead of a node.
+  static constexpr std::size_t known_capacity = 64;
+
+  static constexpr std::size_t refused_capacity = 64;
 
   /// @param boot_id  of this boot: monotonic times of another boot mean nothing
   explicit TelecommandJournal(std::string boot_id) : boot_id_(std::move(boot_id)) {}
@@ -65,13 +69,15 @@ class TelecommandJournal {
   Result<void, JournalError> restore(OctetView content);
   [[nodiscard]] Octets encode() const;
 
-  /// True when the id is known: it is reported again as far as it got.
+  /// True when the id is known, or was refused lately: it is reported again as far as it got.
   bool repeat_reports(std::uint64_t id);
 
-  enum class Arrival : std::uint8_t { stored, known, full };
-  /// Stores a new one; a known one is dropped (repeat_reports), a full journal refuses it.
+  enum class Arrival : std::uint8_t { stored, known, full, too_old };
+  /// Stores a new one; a known one is dropped (repeat_reports), a full journal refuses it. One that may have
+  /// been known and is forgotten is refused as interrupted.
   Arrival add(StoredTelecommand telecommand);
-  /// Reports a telecommand refused before it was stored.
+  /// Reports a telecommand refused before it was stored. The last `refused_capacity` of this process stay
+  /// refused: one that was on its way twice is not executed after its sender heard that it is not.
   void refuse(std::uint64_t id, FailureCode why);
 
   /// The next to execute, after those that expired before they began were ended (one that an earlier process
@@ -135,6 +141,10 @@ class TelecommandJournal {
     bool start_reported = false;
     int attempts = 0;
   };
+  struct Known {
+    StageReport report;
+    bool of_this_boot;
+  };
   struct Waiting {
     StageReport report;
     std::uint64_t revision;  ///< goes out when this one is on disk
@@ -144,18 +154,20 @@ class TelecommandJournal {
   /// Its expiry is past, or cannot be determined. Repeatable commands record no start, so an earlier process
   /// may have sent this one; "not started" is only likely.
   [[nodiscard]] StageReport too_late(const Pending& pending);
-  void remember(const StageReport& report);
+  void remember(const StageReport& report, bool of_this_boot = true);
   void drop_unaccepted();
   /// It ended, and its end is not on disk yet: not reported.
   [[nodiscard]] bool waits_for_disk(std::uint64_t id) const;
 
   std::string boot_id_;
   std::deque<Pending> pending_;
-  std::deque<StageReport> known_;
+  std::deque<Known> known_;  // those of earlier boots in front
+  std::deque<StageReport> refused_;
   std::deque<Waiting> waiting_;
   std::vector<StageReport> ready_;
   std::uint64_t revision_ = 0;
   std::uint64_t durable_ = 0;
+  std::uint64_t forgotten_ = 0;  ///< highest id of this boot that ended and is not known any more
   Counters counters_;
 };
 

@@ -35,7 +35,10 @@ class TimingNodeTest : public testing::Test {
     client_ = std::make_unique<ros::Client<SetTime>>(executor_, *there_, "/timing/set_time", ros::Qos{},
                                                      ros::Priority::normal);
   }
-  void TearDown() override { end(); }
+  void TearDown() override {
+    end();
+    std::filesystem::remove_all(suite::VarPaths{folder_}.memory());
+  }
   void end() {
     if (node_) {
       node_->go_to(ros::State::unconfigured);

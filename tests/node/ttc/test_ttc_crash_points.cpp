@@ -25,6 +25,8 @@
 
 #include "base/file.hpp"
 #include "ground/downlink.hpp"
+#include "ros/datagram_seal.hpp"
+#include "suite/command_keys.hpp"
 #include "suite/commanding/commanded_node.hpp"
 #include "tests/dds_domain.hpp"
 #include "tests/signal_child.hpp"
@@ -173,7 +175,10 @@ class TtcCrashPoints : public testing::Test {
                                       "60000, repeat_window_ms: 3600000 } },\n"
                                       "        { name: payload_thermal, executable: x }]\n"));
     deployment_ = std::make_unique<suite::Deployment>(suite::Deployment::load(folder_ / "d.yaml"));
-    here_ = ros::Participant::create({testing_support::own_domain(), {"127.0.0.1"}}).value();
+    // ttc's process believes this one only if it seals.
+    const auto key = [var = suite::VarPaths::at(folder_)] { return suite::suite_seal_key(var).value(); };
+    ros::seal_datagrams(key(), key);
+    here_ = ros::Participant::create({testing_support::own_domain(), {"127.0.0.1"}, &executor_}).value();
     context_ = std::make_unique<suite::NodeContext>(
         suite::NodeContext{"payload_thermal", *deployment_, suite::VarPaths{folder_}, 1, executor_, *here_});
     node_ = std::make_unique<ExecutingNode>(*context_);

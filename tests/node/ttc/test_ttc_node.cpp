@@ -23,6 +23,8 @@
 #include "base/file.hpp"
 #include "ground/downlink.hpp"
 #include "nodes/ttc/ttc_node.hpp"
+#include "suite/command_keys.hpp"
+#include "suite/commanding/command_proof.hpp"
 #include "tests/dds_domain.hpp"
 #include "tests/node/ttc/disk_faults.hpp"
 #include "tests/temporary_folder.hpp"
@@ -221,6 +223,20 @@ class TtcNodeTest : public testing::Test {
     });
   }
 
+  /// What the payload says of it, with its proof.
+  [[nodiscard]] TelecommandReport report(std::uint64_t id, std::uint8_t stage) const {
+    TelecommandReport m;
+    m.id = id;
+    m.node = "payload_eps";
+    m.stage = stage;
+    m.success = true;
+    m.proof = prove(eps_key(), m);
+    return m;
+  }
+  [[nodiscard]] suite::CommandKey eps_key() const {
+    return suite::command_key(suite::VarPaths{folder_}, "payload_eps").value();
+  }
+
   ros::Executor executor_;
   std::unique_ptr<ros::Participant> here_;
   std::unique_ptr<ros::Participant> there_;
@@ -264,19 +280,45 @@ TEST_F(TtcNodeTest, PublishesATelecommandUntilItsNodeHasItAndSendsDownWhatTheNod
   EXPECT_EQ(telecommand.function_id, mission::EpsSwitchLoad::function_id);
   EXPECT_EQ(telecommand.arguments, (Octets{2, 1}));
   EXPECT_EQ(telecommand, published.begin()->second.back());
+  const suite::CommandKey key = eps_key();
+  EXPECT_EQ(rejection_of(&key, telecommand), std::nullopt);
 
   for (const std::uint8_t stage :
        {TelecommandReport::ACCEPTED, TelecommandReport::STARTED, TelecommandReport::COMPLETED}) {
-    TelecommandReport report;
-    report.id = telecommand.id;
-    report.node = "payload_eps";
-    report.stage = stage;
-    report.success = true;
-    reports.publish(report);
+    reports.publish(report(telecommand.id, stage));
   }
   EXPECT_TRUE(verified(3, request));
   EXPECT_TRUE(verified(7, request));
   EXPECT_EQ(published.size(), 1U);
+}
+
+TEST_F(TtcNodeTest, BelievesNoReportThatTheNodeDidNotMake) {
+  activate();
+  std::vector<std::uint64_t> ids;
+  ros::Subscription<Telecommand> telecommands(
+      executor_, *there_, suite::topics::telecommand,
+      [&](const Telecommand& m, const ros::MessageInfo&) { ids.push_back(m.id); });
+  ros::Publisher<TelecommandReport> reports(*there_, suite::topics::telecommand_report);
+  ASSERT_TRUE(wait([&] { return telecommands.publisher_count() == 1 && reports.subscription_count() == 1; }));
+  const Octets request = send(mission::apid::payload_eps, 8, 1, {0, 1, 2, 1});
+  ASSERT_TRUE(wait([&] { return !ids.empty(); }));
+
+  TelecommandReport forged = report(ids.front(), TelecommandReport::COMPLETED);
+  forged.proof = {};
+  reports.publish(forged);
+  forged = report(ids.front(), TelecommandReport::ACCEPTED);
+  forged.stage = TelecommandReport::COMPLETED;
+  reports.publish(forged);
+  EXPECT_TRUE(comes(5, 3, [](const wire::TmPacket& p) {
+    return p.source.size() >= 2 &&
+           (p.source[0] << 8 | p.source[1]) == mission::NodeForeignSamplesEvent::event_id;
+  }));
+  const std::size_t before = ids.size();
+  EXPECT_TRUE(wait([&] { return ids.size() > before; })) << "still published: nobody has it";
+  EXPECT_FALSE(has_come(7, request));
+
+  reports.publish(report(ids.front(), TelecommandReport::COMPLETED));
+  EXPECT_TRUE(verified(7, request));
 }
 
 TEST_F(TtcNodeTest, AfterAKillPublishesAgainUnderTheSameIdAndTellsTheEndToTheOneWhoAsked) {
@@ -297,12 +339,7 @@ TEST_F(TtcNodeTest, AfterAKillPublishesAgainUnderTheSameIdAndTellsTheEndToTheOne
   EXPECT_EQ(ids.front(), id);
   ros::Publisher<TelecommandReport> reports(*there_, suite::topics::telecommand_report);
   ASSERT_TRUE(wait([&] { return reports.subscription_count() == 1; }));
-  TelecommandReport report;
-  report.id = id;
-  report.node = "payload_eps";
-  report.stage = TelecommandReport::COMPLETED;
-  report.success = true;
-  reports.publish(report);
+  reports.publish(report(id, TelecommandReport::COMPLETED));
   EXPECT_TRUE(verified(3, request));
   EXPECT_TRUE(verified(7, request));
 
@@ -638,12 +675,7 @@ TEST_F(TtcNodeTest, AScheduledTelecommandIsReleasedAtItsTimeAlsoAfterAKill) {
   ASSERT_TRUE(wait_at(release + seconds(1), [&] { return !ids.empty(); }));
   ros::Publisher<TelecommandReport> reports(*there_, suite::topics::telecommand_report);
   ASSERT_TRUE(wait([&] { return reports.subscription_count() == 1; }));
-  TelecommandReport report;
-  report.id = id;
-  report.node = "payload_eps";
-  report.stage = TelecommandReport::COMPLETED;
-  report.success = true;
-  reports.publish(report);
+  reports.publish(report(id, TelecommandReport::COMPLETED));
   EXPECT_TRUE(wait_at(release + seconds(2), [&] { return has_come(7, request); }));
   EXPECT_EQ(std::set<std::uint64_t>(ids.begin(), ids.end()), std::set<std::uint64_t>{id});
 

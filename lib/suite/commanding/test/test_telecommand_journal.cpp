@@ -288,7 +288,7 @@ TEST_F(TelecommandJournalTest, RefusesWhatCannotBeStoredAndStillReportsEnds) {
   EXPECT_EQ(journal.pending(), 0U);
 }
 
-TEST_F(TelecommandJournalTest, RemembersTheLastSixtyFourIds) {
+TEST_F(TelecommandJournalTest, RemembersTheLastSixtyFourIdsAndTakesOlderOnesForReplays) {
   for (std::uint64_t id = 1; id <= 70; ++id) {
     store(command(id));
     journal.begin();
@@ -297,7 +297,94 @@ TEST_F(TelecommandJournalTest, RemembersTheLastSixtyFourIds) {
   }
   (void)journal.take_reports();
   EXPECT_EQ(journal.add(command(7)), TelecommandJournal::Arrival::known);
-  EXPECT_EQ(journal.add(command(6)), TelecommandJournal::Arrival::stored);
+  EXPECT_EQ(journal.add(command(6)), TelecommandJournal::Arrival::too_old);
+  EXPECT_EQ(journal.add(command(1)), TelecommandJournal::Arrival::too_old);
+  EXPECT_EQ(journal.pending(), 0U);
+  EXPECT_EQ(journal.take_reports().back(), failed(1, mission::failure::interrupted, Stage::acceptance));
+  EXPECT_EQ(journal.add(command(71)), TelecommandJournal::Arrival::stored);
+}
+
+TEST_F(TelecommandJournalTest, KnowsReplaysAfterARestartTooButNotAfterAnotherBoot) {
+  for (std::uint64_t id = 101; id <= 170; ++id) {
+    store(command(id));
+    journal.begin();
+    journal.finish(mission::failure::none);
+    write();
+  }
+  TelecommandJournal restarted("boot-a");
+  ASSERT_TRUE(restarted.restore(journal.encode()));
+  EXPECT_EQ(restarted.add(command(106)), TelecommandJournal::Arrival::too_old);
+  EXPECT_EQ(restarted.add(command(107)), TelecommandJournal::Arrival::known);
+
+  TelecommandJournal rebooted("another boot");
+  ASSERT_TRUE(rebooted.restore(journal.encode()));
+  EXPECT_EQ(rebooted.add(command(106)), TelecommandJournal::Arrival::stored)
+      << "the link's state and the clock may be lost: ttc must be heard all the same";
+}
+
+TEST_F(TelecommandJournalTest, IdsOfAnEarlierBootNeverMakeThoseOfThisOneReplays) {
+  constexpr std::uint64_t high = 1'000'000;
+  for (std::uint64_t id = high; id < high + TelecommandJournal::known_capacity; ++id) {
+    store(command(id));
+    journal.begin();
+    journal.finish(mission::failure::none);
+    write();
+  }
+  journal.add(command(high + 500));  // begins, and the power fails
+  write();
+  Octets on_disk = journal.encode();
+  // ttc counts from low numbers now; this process is restarted between them.
+  for (std::uint64_t id = 1; id <= 140; ++id) {
+    TelecommandJournal now_on("another boot");
+    ASSERT_TRUE(now_on.restore(on_disk));
+    ASSERT_EQ(now_on.add(command(id)), TelecommandJournal::Arrival::stored) << id;
+    now_on.on_written(now_on.revision(), true);
+    now_on.begin();
+    now_on.finish(mission::failure::none);
+    on_disk = now_on.encode();
+  }
+  TelecommandJournal last("another boot");
+  ASSERT_TRUE(last.restore(on_disk));
+  EXPECT_EQ(last.add(command(140)), TelecommandJournal::Arrival::known);
+  EXPECT_EQ(last.add(command(20)), TelecommandJournal::Arrival::too_old);
+}
+
+TEST_F(TelecommandJournalTest, NoLaterIdIsAReplayWhenManyOfAnEarlierBootMadeRoom) {
+  constexpr std::uint64_t high = 1'000'000;
+  for (std::uint64_t id = high; id < high + TelecommandJournal::known_capacity; ++id) {
+    store(command(id));
+    journal.begin();
+    journal.finish(mission::failure::none);
+    write();
+  }
+  TelecommandJournal rebooted("another boot");
+  ASSERT_TRUE(rebooted.restore(journal.encode()));
+  for (std::uint64_t id = 1; id <= 3; ++id) {
+    ASSERT_EQ(rebooted.add(command(id)), TelecommandJournal::Arrival::stored) << id;
+    rebooted.on_written(rebooted.revision(), true);
+    rebooted.begin();
+    rebooted.finish(mission::failure::none);
+  }
+}
+
+TEST_F(TelecommandJournalTest, WhatWasRefusedStaysRefusedWhenItComesAgain) {
+  for (std::uint64_t id = 1; id <= TelecommandJournal::capacity; ++id) store(command(id));
+  ASSERT_EQ(journal.add(command(99)), TelecommandJournal::Arrival::full);
+  journal.refuse(98, mission::failure::node_not_active);
+  journal.begin();
+  journal.finish(mission::failure::none);
+  write();
+  (void)journal.take_reports();
+  EXPECT_EQ(journal.add(command(99)), TelecommandJournal::Arrival::known);
+  EXPECT_TRUE(journal.repeat_reports(98));
+  EXPECT_THAT(journal.take_reports(),
+              ElementsAre(failed(99, mission::failure::queue_full, Stage::acceptance),
+                          failed(98, mission::failure::node_not_active, Stage::acceptance)));
+  EXPECT_EQ(journal.pending(), TelecommandJournal::capacity - 1);
+
+  for (std::uint64_t id = 200; id < 200 + TelecommandJournal::refused_capacity; ++id)
+    journal.refuse(id, mission::failure::node_not_active);
+  EXPECT_FALSE(journal.repeat_reports(99)) << "the oldest made room";
 }
 
 }  // namespace

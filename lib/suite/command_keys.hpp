@@ -1,0 +1,47 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <string_view>
+
+#include "base/result.hpp"
+#include "ros/datagram_seal.hpp"
+#include "suite/instance.hpp"
+
+namespace srfs::suite {
+
+/// What ttc and one node share, to know each other's telecommands and reports
+/// (commanding/command_proof.hpp).
+using CommandKey = std::array<std::uint8_t, 32>;
+
+/// The key of a node follows from the suite's, which is random and made anew at each start of the suite. Of a
+/// node's key neither the suite's nor another node's can be found.
+[[nodiscard]] CommandKey command_key_of(const CommandKey& suite_key, std::string_view node);
+
+// The keys are files of VarPaths::memory(), for the suite's user alone (0600), or of VarPaths::run() where
+// tmpfs takes none: `command_key` is the suite's, for ttc, `NODE.command_key` a node's, `seal_key` that of
+// all. None of these blocks on a disk while tmpfs has room.
+
+/// The suite's. Made when it is missing, by one process of those that ask. @param known  what it was when the
+/// caller read it last: the one that is made then, since the nodes have theirs of it
+[[nodiscard]] Result<CommandKey, std::string> suite_command_key(
+    const VarPaths& var, const std::optional<CommandKey>& known = std::nullopt);
+/// Writes a node's, where it is not there already; one that is there stays while the suite's is missing. By
+/// who starts the node.
+[[nodiscard]] Result<void, std::string> hand_out_command_key(const VarPaths& var, const std::string& node);
+/// A node's own; made as above when the node was not started by the suite's launcher, or the suite's is
+/// another one.
+[[nodiscard]] Result<CommandKey, std::string> command_key(const VarPaths& var, const std::string& node);
+/// That of all processes of the suite, by which they know each other's datagrams (ros/datagram_seal.hpp).
+/// Made when it is missing.
+[[nodiscard]] Result<ros::SealKey, std::string> suite_seal_key(const VarPaths& var);
+/// The same for a tool: only what is there and this user may read.
+[[nodiscard]] std::optional<ros::SealKey> find_seal_key(const VarPaths& var);
+/// Before the first node of a suite is started: the next keys are others.
+void forget_command_keys(const VarPaths& var);
+
+}  // namespace srfs::suite

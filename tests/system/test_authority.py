@@ -1,0 +1,130 @@
+# SPDX-FileCopyrightText: 2026 SRFS contributors
+# SPDX-License-Identifier: Apache-2.0
+"""Who has no key orders nothing: a process in the suite's DDS domain, and a hostile node of the suite (tests/system/rogue.cpp)."""
+
+import contextlib
+import json
+import subprocess
+import unittest
+
+from support import BIN, DEADLINE_S, SystemTest, restarts, slots, wait_for_slots
+
+from srfs.flight.deployments import PAYLOADS
+from srfs.flight.mission import memory_folder
+from srfs.flight.processes import wait_until
+
+MEMBER = ("--member", "--claim", "sim/payload_adcs/9")  # a node of the suite that turned hostile
+ACTIVATE, DEACTIVATE = 3, 4  # transitions of lifecycle_msgs
+
+
+class Rogue:
+    """Runs one attack. What it prints comes line by line."""
+
+    def __init__(self, flight, *words):
+        command = [BIN / "rogue", flight.var, *map(str, words)]
+        self.process = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
+
+    def says(self):
+        line = self.process.stdout.readline()
+        if not line:
+            raise AssertionError(f"the rogue ended with {self.process.wait()}")
+        return json.loads(line)
+
+    def go_on(self):
+        self.process.stdin.write("\n")
+        self.process.stdin.flush()
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *_):
+        with contextlib.suppress(OSError):
+            self.process.stdin.close()
+        self.process.wait(DEADLINE_S)
+        self.process.stdout.close()
+
+
+class AuthorityTest(SystemTest):
+    def attack(self, flight, *words):
+        with Rogue(flight, *words) as rogue:
+            return rogue.says()
+
+    def rejected(self, ground, topic, who=""):
+        self.wait_for_event(
+            ground, "node.foreign_samples", matches=lambda m: m["fields"]["topic"] == topic and m["fields"]["participant"].startswith(who)
+        )
+
+    def test_neither_a_stranger_nor_a_node_without_the_key_of_another_commands_it(self):
+        with self.flight() as flight:
+            ground = flight.ground()
+
+            # eps.power_cycle_peripheral, a hazardous telecommand that nobody armed.
+            power_cycle = ("telecommand", "payload_eps", 17, 17, "00c8")
+            self.assertEqual(self.attack(flight, *power_cycle), {"published": 10})
+            self.rejected(ground, "/telecommand", "'/' at 127.0.0.1")
+            self.assertEqual(self.attack(flight, *power_cycle, *MEMBER), {"published": 10})
+            self.rejected(ground, "/telecommand", "wrong proof: telecommand")
+
+            # A telecommand of ttc's own, again after it was done and undone.
+            hold = flight.var / "state/payload_adcs/hold"
+            with Rogue(flight, "replay", "maintenance", *MEMBER) as rogue:
+                self.assertEqual(rogue.says(), {"listening": True})
+                self.complete(ground, "tc ring.hold node=payload_adcs")
+                self.assertIn("heard", rogue.says())
+                self.complete(ground, "tc ring.release node=payload_adcs")
+                rogue.go_on()
+                self.assertEqual(rogue.says(), {"replayed": 10})
+            self.complete(ground, "tc ring.release node=payload_adcs")
+            self.assertFalse(hold.exists())
+
+            # The suite's key alone is lost: ttc has it, and the nodes have theirs of it.
+            key = memory_folder(flight.var) / "command_key"
+            before = key.read_bytes()
+            key.unlink()
+            self.complete(ground, "tc ring.release node=payload_adcs")
+            wait_until(lambda: self.complete(ground, "tc ring.release node=payload_adcs") and key.exists(), DEADLINE_S, "the key")
+            self.assertEqual(key.read_bytes(), before)
+
+            # Orders by the services of ROS 2.
+            self.assertEqual(self.attack(flight, "transition", "ttc", DEACTIVATE), {"success": False})
+            self.rejected(ground, "~/change_state")
+            answer = self.attack(flight, "parameter", "timing", "tick_period_ms", 1000)
+            self.assertEqual(answer, {"success": False, "reason": "refused: not from the suite"})
+            self.assertEqual({n["state"] for n in flight.status()}, {"active"})
+            self.assertNotIn("by telecommand", (flight.var / "log/payload_eps.log").read_text())
+            self.assertEqual(flight.srfs("param", "set", "payload_eps", "parameter_trial_s", "200").returncode, 0)
+
+
+class ForgedTopicsTest(SystemTest):
+    def test_flags_and_ticks_of_one_that_claims_to_be_can_switcher_cost_no_payload_a_slot(self):
+        with self.flight() as flight:
+            recorder = flight.recorder()
+            for payload in PAYLOADS:
+                wait_for_slots(recorder, payload, "released", 2, 0)
+            before, since = restarts(flight), recorder.position()
+            with Rogue(flight, "bus", *PAYLOADS, "--claim", "sim/can_switcher/1") as rogue:
+                self.assertEqual(rogue.says(), {"forged": 20})
+                forged = recorder.position()
+                for payload in PAYLOADS:
+                    wait_for_slots(recorder, payload, "released", 5, forged)
+            self.assertEqual([slots(recorder, payload, "failed", since) for payload in PAYLOADS], [[]] * len(PAYLOADS))
+            self.assertEqual(restarts(flight), before)
+            claimed = ("transition", "ttc", DEACTIVATE, "--claim", "sim/srfs/1")
+            with Rogue(flight, *claimed) as rogue:
+                self.assertEqual(rogue.says(), {"success": False})
+
+
+class OpenOrdersTest(SystemTest):
+    def test_where_the_deployment_says_so_anybody_commands(self):
+        with self.flight("sim_open") as flight:
+            for transition in (DEACTIVATE, ACTIVATE):
+                with Rogue(flight, "transition", "payload_eps", transition) as rogue:
+                    self.assertEqual(rogue.says(), {"success": True})
+            with Rogue(flight, "telecommand", "payload_eps", 17, 17, "00c8") as rogue:
+                self.assertEqual(rogue.says(), {"published": 10})
+            log = flight.var / "log/payload_eps.log"
+            wait_until(lambda: "by telecommand" in log.read_text(), DEADLINE_S, "the power cycle")
+
+
+if __name__ == "__main__":
+    unittest.main()
