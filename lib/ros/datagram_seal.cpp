@@ -165,10 +165,15 @@ bool DatagramSeal::holds(OctetView datagram) {
   return is_of(mac_.get()) || is_of(before_.get());
 }
 
-bool DatagramSeal::is_genuine(OctetView datagram, MonotonicTime now) {
+DatagramSeal::Seal DatagramSeal::seal_of(OctetView datagram, MonotonicTime now) {
+  if (!is_sealed(datagram)) return Seal::none;
   OctetReader in(time_of(datagram));
   const MonotonicTime sent{nanoseconds(static_cast<std::int64_t>(in.u64()))};
-  if (sent < now - longest_age || sent > now + longest_age) return false;
+  if (sent < now - longest_age || sent > now + longest_age) return Seal::old;
+  return is_genuine(datagram, now) ? Seal::good : Seal::wrong;
+}
+
+bool DatagramSeal::is_genuine(OctetView datagram, MonotonicTime now) {
   std::unique_lock lock(mutex_);
   if (!holds(datagram)) {
     if (now - key_read_ < between_readings) return false;
@@ -187,22 +192,36 @@ bool DatagramSeal::is_genuine(OctetView datagram, MonotonicTime now) {
 DatagramSeal::Verdict DatagramSeal::judge(OctetView datagram, MonotonicTime now) {
   const RtpsDatagram message(datagram);
   if (!message.sender()) return Verdict::foreign;  // no RTPS message: nobody takes it
-  if (is_sealed(datagram)) return is_genuine(datagram, now) ? Verdict::member : forge();
+  const Seal seal = seal_of(datagram, now);
+  if (seal == Seal::good) return Verdict::member;
   std::unique_lock lock(mutex_);
-  const auto is_member_here = [this](const GuidPrefix& prefix) {
-    return std::find(members_.begin(), members_.end(), prefix) != members_.end();
-  };
-  bool claims = is_member_here(*message.sender());
+  bool claims = has(*message.sender());
   message.for_each([](const AnnouncedSample&) {},
-                   [&](const GuidPrefix& other) { claims = claims || is_member_here(other); });
+                   [&](const GuidPrefix& other) { claims = claims || has(other); });
   const std::vector<GuidPrefix> members = members_;
   lock.unlock();  // who sends waits for it
-  return claims || discovery_is_about(datagram, members) ? forge() : Verdict::foreign;
+  if (claims) {
+    return forge(seal == Seal::none    ? &ForgedDatagrams::unsealed
+                 : seal == Seal::wrong ? &ForgedDatagrams::wrong_seal
+                                       : &ForgedDatagrams::old);
+  }
+  return discovery_is_about(datagram, members) ? forge(&ForgedDatagrams::about) : Verdict::foreign;
 }
 
-DatagramSeal::Verdict DatagramSeal::forge() {
-  ++forged_;
+DatagramSeal::Verdict DatagramSeal::forge(std::uint64_t ForgedDatagrams::*reason) {
+  const std::lock_guard lock(mutex_);
+  ++(forged_.*reason);
   return Verdict::forged;
+}
+
+ForgedDatagrams DatagramSeal::forged() const {
+  const std::lock_guard lock(mutex_);
+  return forged_;
+}
+
+/// @pre the mutex is held
+bool DatagramSeal::has(const GuidPrefix& prefix) const {
+  return std::find(members_.begin(), members_.end(), prefix) != members_.end();
 }
 
 void DatagramSeal::remember(const GuidPrefix& prefix) {
@@ -221,7 +240,7 @@ void DatagramSeal::add_own(const GuidPrefix& prefix) {
 
 bool DatagramSeal::is_member(const GuidPrefix& prefix) const {
   const std::lock_guard lock(mutex_);
-  return std::find(members_.begin(), members_.end(), prefix) != members_.end();
+  return has(prefix);
 }
 
 void seal_datagrams(const SealKey& key, DatagramSeal::ReadKey read_key) {

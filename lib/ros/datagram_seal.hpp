@@ -3,7 +3,6 @@
 #pragma once
 
 #include <array>
-#include <atomic>
 #include <cstdint>
 #include <functional>
 #include <memory>
@@ -20,6 +19,15 @@ namespace srfs::ros {
 /// What all processes of a suite share, and nobody else has.
 using SealKey = std::array<std::uint8_t, 32>;
 
+/// Datagrams that bear a member's name and are not its own. Each is dropped.
+struct ForgedDatagrams {
+  std::uint64_t unsealed = 0;    ///< in its name, without a seal
+  std::uint64_t wrong_seal = 0;  ///< in its name, with one of another key or of other octets
+  std::uint64_t old = 0;         ///< in its name, with a time that is too far away
+  std::uint64_t about = 0;       ///< in another name, what they tell discovery is about a member
+  [[nodiscard]] std::uint64_t all() const { return unsealed + wrong_seal + old + about; }
+};
+
 /// Shows of each datagram whether a process of the suite sent it, and thereby which participants are the
 /// suite's: SuiteIdentity is a claim, this is the proof. The seal is a submessage behind the header of the
 /// RTPS message (RTPS 2.2, 9.4.5.1.1: from 0x80 on they are the vendor's, and ignored by those who do not
@@ -27,7 +35,9 @@ using SealKey = std::array<std::uint8_t, 32>;
 /// octets. (Not over the content of the submessage in which Fast DDS counts what it sent.) What is older than
 /// `longest_age` is not accepted, so that what somebody recorded is worthless soon.
 ///
-/// A participant that has sent a sealed datagram is a member, and speaks by sealed ones alone. Any thread.
+/// A participant that has sent a sealed datagram is a member, and speaks by sealed ones alone. All others are
+/// foreign, also those of another suite in the same domain, which seal with a key of their own: that is no
+/// forgery, as long as they say nothing in a member's name. Any thread.
 class DatagramSeal {
  public:
   static constexpr std::size_t octets = 28;
@@ -49,29 +59,32 @@ class DatagramSeal {
 
   enum class Verdict : std::uint8_t {
     member,   ///< sealed
-    foreign,  ///< without a seal, and of no member
-    forged,   ///< a wrong or old seal, or without one a member's name: as the sender's, or in discovery
+    foreign,  ///< without the suite's seal, and of no member
+    forged,   ///< without it, in a member's name or about a member
   };
   [[nodiscard]] Verdict judge(OctetView datagram, MonotonicTime now);
   /// A participant of this process.
   void add_own(const GuidPrefix& prefix);
   [[nodiscard]] bool is_member(const GuidPrefix& prefix) const;
-  [[nodiscard]] std::uint64_t forged() const { return forged_; }
+  [[nodiscard]] ForgedDatagrams forged() const;
 
  private:
   class Mac;
+  enum class Seal : std::uint8_t { none, good, wrong, old };
+  [[nodiscard]] Seal seal_of(OctetView datagram, MonotonicTime now);
   [[nodiscard]] bool is_genuine(OctetView datagram, MonotonicTime now);
   [[nodiscard]] bool holds(OctetView datagram);
+  [[nodiscard]] bool has(const GuidPrefix& prefix) const;
   void remember(const GuidPrefix& prefix);
-  [[nodiscard]] Verdict forge();
+  Verdict forge(std::uint64_t ForgedDatagrams::*reason);
 
   const ReadKey read_key_;
-  std::atomic<std::uint64_t> forged_{0};
   mutable std::mutex mutex_;  // guards what follows
   std::unique_ptr<Mac> mac_;
   std::unique_ptr<Mac> before_;
   MonotonicTime key_read_;
   std::vector<GuidPrefix> members_;  // the one heard last in front
+  ForgedDatagrams forged_;
 };
 
 /// Participants of this process that have an executor seal what they send, and judge what they hear. A

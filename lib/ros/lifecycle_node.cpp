@@ -496,19 +496,28 @@ void LifecycleNode::check_dropped() {
     log::warn("{} datagrams dropped by the kernel so far: this node reads too slowly (srfs stats {})",
               stats.overflowed, name());
   }
-  const std::uint64_t forged = datagram_seal() ? datagram_seal()->forged() : 0;
-  const std::uint64_t dropped = stats.foreign + forged;
-  if (dropped <= foreign_dropped_reported_) return;
-  foreign_dropped_reported_ = dropped;
-  const std::string source = stats.foreign > 0 ? participant_.last_dropped() : "in a member's name";
-  log::warn(
-      "{} datagrams from outside the suite dropped unread so far: {} in a member's name without its seal, "
-      "the "
-      "others because {}, last by participant {}",
-      dropped, forged,
-      participant_.drops_foreign() ? "dds.foreign is drop" : "they came faster than this node can read",
-      source);
-  on_foreign_samples("*", dropped, source);
+  if (stats.foreign > foreign_dropped_reported_) {
+    foreign_dropped_reported_ = stats.foreign;
+    const std::string source = participant_.last_dropped();
+    log::warn(
+        "{} datagrams from outside the suite dropped unread so far, last by participant {}: {}",
+        stats.foreign, source,
+        participant_.drops_foreign() ? "dds.foreign is drop" : "they came faster than this node can read");
+    on_foreign_samples("*", stats.foreign, source);
+  }
+  check_forged();
+}
+
+void LifecycleNode::check_forged() {
+  const ForgedDatagrams forged = datagram_seal() ? datagram_seal()->forged() : ForgedDatagrams{};
+  if (forged.all() <= forged_reported_) return;
+  forged_reported_ = forged.all();
+  log::error(
+      "{} forged datagrams dropped so far: {} in a member's name without a seal, {} with a wrong one, {} "
+      "with "
+      "an old one, {} that told discovery about a member",
+      forged.all(), forged.unsealed, forged.wrong_seal, forged.old, forged.about);
+  on_foreign_samples("*", forged.all(), "in a member's name");
 }
 
 void LifecycleNode::check_input() {

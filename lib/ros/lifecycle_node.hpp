@@ -299,6 +299,7 @@ class LifecycleNode {
   void check_input();
   void check_input(Input& input, const ReaderEndpoint& reader);
   void check_dropped();
+  void check_forged();
 
   const NodeNames names_;
   Executor& executor_;
@@ -315,6 +316,7 @@ class LifecycleNode {
   Timer raised_error_;
   std::uint64_t overflow_reported_ = 0;
   std::uint64_t foreign_dropped_reported_ = 0;
+  std::uint64_t forged_reported_ = 0;
   const bool obeys_foreign_;
   std::uint64_t refused_orders_ = 0;
   std::vector<Input> inputs_;

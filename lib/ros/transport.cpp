@@ -427,6 +427,8 @@ class WorkThreadTransport final : public rtps::ChainingTransport {
   void sort_again() {
     if (descriptor_.state->known == nullptr) return;
     std::vector<GuidPrefix> ours = descriptor_.state->known->ours();
+    if (const auto& seal = datagram_seal())  // another suite of this name is foreign
+      std::erase_if(ours, [&](const GuidPrefix& prefix) { return !seal->is_member(prefix); });
     const std::lock_guard lock(mutex_);
     for (const auto& channel : channels_) channel->sort(ours);
   }

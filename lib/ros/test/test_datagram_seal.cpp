@@ -82,6 +82,7 @@ TEST(DatagramSeal, LeavesFastDdsRoomForItsOwnCountsAndForNothingElse) {
     EXPECT_EQ(receiver.judge(changed, now) == Verdict::member, is_count) << i;
   }
   DatagramSeal receiver(key, reads(key));
+  receiver.add_own(timing);
   Octets longer = sealed(sender, message_of(timing));
   longer.insert(longer.end(), good.end() - 60, good.end());
   EXPECT_EQ(receiver.judge(longer, now), Verdict::forged);
@@ -93,7 +94,8 @@ TEST(DatagramSeal, OfAMemberNothingIsBelievedWithoutIt) {
   ASSERT_EQ(receiver.judge(sealed(sender, message_of(timing)), now), Verdict::member);
   EXPECT_EQ(receiver.judge(message_of(timing), now), Verdict::forged);
   EXPECT_EQ(receiver.judge(message_of(stranger, timing), now), Verdict::forged) << "speaks for timing";
-  EXPECT_EQ(receiver.forged(), 2U);
+  EXPECT_EQ(receiver.forged().unsealed, 2U);
+  EXPECT_EQ(receiver.forged().all(), 2U);
 }
 
 constexpr std::array<std::uint8_t, 4> participant_writer{0x00, 0x01, 0x00, 0xc2};
@@ -123,6 +125,29 @@ Octets guid_parameter(std::uint16_t id, const GuidPrefix& prefix, std::size_t be
   out.bytes(prefix);
   out.u32(0x000001c1);
   return out.take();
+}
+
+TEST(DatagramSeal, AnotherSuiteInTheDomainIsForeignAndForgesNothing) {
+  DatagramSeal sender(key, reads(key));
+  DatagramSeal another_suite(other_key, reads(other_key));
+  DatagramSeal receiver(key, reads(key));
+  ASSERT_EQ(receiver.judge(sealed(sender, message_of(timing)), now), Verdict::member);
+  for (int i = 0; i < 100; ++i)
+    EXPECT_EQ(receiver.judge(sealed(another_suite, message_of(stranger)), now), Verdict::foreign);
+  EXPECT_FALSE(receiver.is_member(stranger));
+  EXPECT_EQ(receiver.judge(
+                sealed(another_suite, sample_of(participant_writer, guid_parameter(0x0050, stranger))), now),
+            Verdict::foreign)
+      << "it announces itself";
+  EXPECT_EQ(receiver.forged().all(), 0U);
+
+  EXPECT_EQ(receiver.judge(sealed(another_suite, message_of(timing)), now), Verdict::forged);
+  EXPECT_EQ(receiver.judge(sealed(another_suite, message_of(stranger, timing)), now), Verdict::forged);
+  EXPECT_EQ(receiver.forged().wrong_seal, 2U);
+  EXPECT_EQ(receiver.judge(
+                sealed(another_suite, sample_of(participant_writer, guid_parameter(0x0070, timing))), now),
+            Verdict::forged);
+  EXPECT_EQ(receiver.forged().about, 1U);
 }
 
 TEST(DatagramSeal, AStrangerSaysNothingAboutAMemberToDiscovery) {
@@ -163,7 +188,7 @@ TEST(DatagramSeal, AStrangerSaysNothingAboutAMemberToDiscovery) {
             Verdict::foreign);
 }
 
-TEST(DatagramSeal, AnyChangedOctetIsForged) {
+TEST(DatagramSeal, WithAnyChangedOctetIsNoMembers) {
   DatagramSeal sender(key, reads(key));
   const Octets good = sealed(sender, message_of(timing));
   for (std::size_t i = 4; i < good.size(); ++i) {
@@ -179,7 +204,7 @@ TEST(DatagramSeal, AnyChangedOctetIsForged) {
   }
 }
 
-TEST(DatagramSeal, OfAnotherKeyIsForgedUntilTheKeyIsReadAgainAndThenBothHold) {
+TEST(DatagramSeal, OfAnotherKeyIsForeignUntilTheKeyIsReadAgainAndThenBothHold) {
   DatagramSeal old_one(key, reads(key));
   DatagramSeal new_one(other_key, reads(other_key));
   SealKey on_disk = key;
@@ -189,8 +214,8 @@ TEST(DatagramSeal, OfAnotherKeyIsForgedUntilTheKeyIsReadAgainAndThenBothHold) {
     return std::optional(on_disk);
   });
   const Octets datagram = sealed(new_one, message_of(timing));
-  EXPECT_EQ(receiver.judge(datagram, now), Verdict::forged);
-  EXPECT_EQ(receiver.judge(datagram, now), Verdict::forged);
+  EXPECT_EQ(receiver.judge(datagram, now), Verdict::foreign);
+  EXPECT_EQ(receiver.judge(datagram, now), Verdict::foreign);
   EXPECT_EQ(readings, 1) << "once a second";
 
   on_disk = other_key;
@@ -205,6 +230,7 @@ TEST(DatagramSeal, WhatWasRecordedIsWorthlessSoon) {
   const Octets datagram = sealed(sender, message_of(timing));
   EXPECT_EQ(receiver.judge(datagram, now + DatagramSeal::longest_age), Verdict::member);
   EXPECT_EQ(receiver.judge(datagram, now + DatagramSeal::longest_age + nanoseconds(1)), Verdict::forged);
+  EXPECT_EQ(receiver.forged().old, 1U);
 }
 
 TEST(DatagramSeal, RemembersTheMembersThatWereHeardLast) {

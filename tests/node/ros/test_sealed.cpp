@@ -116,7 +116,7 @@ TEST_F(SealedSuite, AStrangerCannotSayGoodbyeForAMember) {
   const auto service = service_of(*timing_, 1);
   const auto client = client_of(*ttc_);
   ASSERT_TRUE(wait([&] { return client->is_ready(); }));
-  const auto before = datagram_seal()->forged();
+  const auto before = datagram_seal()->forged().about;
   const auto others = client_of(*stranger_);
   const GuidPrefix liar = prefix_of(others->writer_guid());
   // The disposal of the member's participant in the stranger's own name: only what the sample is about is the
@@ -133,7 +133,7 @@ TEST_F(SealedSuite, AStrangerCannotSayGoodbyeForAMember) {
     (void)sendto(fd.get(), goodbye.data(), goodbye.size(), 0, reinterpret_cast<const sockaddr*>(&to),
                  sizeof to);
   }
-  ASSERT_TRUE(wait([&] { return datagram_seal()->forged() >= before + 2; }));
+  ASSERT_TRUE(wait([&] { return datagram_seal()->forged().about >= before + 2; }));
   EXPECT_TRUE(client->is_ready());
   std::optional<std::uint64_t> answer;
   client->call(nonce(7), seconds(5), 3, [&](const Answer& a) { answer = a.value().nonce; });
