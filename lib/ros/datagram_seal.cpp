@@ -198,7 +198,8 @@ DatagramSeal::Verdict DatagramSeal::judge(OctetView datagram, MonotonicTime now)
   bool claims = has(*message.sender());
   message.for_each([](const AnnouncedSample&) {},
                    [&](const GuidPrefix& other) { claims = claims || has(other); });
-  const std::vector<GuidPrefix> members = members_;
+  std::vector<GuidPrefix> members = members_;
+  members.insert(members.end(), own_.begin(), own_.end());
   lock.unlock();  // who sends waits for it
   if (claims) {
     return forge(seal == Seal::none    ? &ForgedDatagrams::unsealed
@@ -221,7 +222,10 @@ ForgedDatagrams DatagramSeal::forged() const {
 
 /// @pre the mutex is held
 bool DatagramSeal::has(const GuidPrefix& prefix) const {
-  return std::find(members_.begin(), members_.end(), prefix) != members_.end();
+  const auto is_in = [&](const std::vector<GuidPrefix>& known) {
+    return std::find(known.begin(), known.end(), prefix) != known.end();
+  };
+  return is_in(own_) || is_in(members_);
 }
 
 void DatagramSeal::remember(const GuidPrefix& prefix) {
@@ -235,7 +239,7 @@ void DatagramSeal::remember(const GuidPrefix& prefix) {
 
 void DatagramSeal::add_own(const GuidPrefix& prefix) {
   const std::lock_guard lock(mutex_);
-  remember(prefix);
+  own_.push_back(prefix);
 }
 
 bool DatagramSeal::is_member(const GuidPrefix& prefix) const {

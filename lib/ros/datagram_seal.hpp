@@ -63,7 +63,7 @@ class DatagramSeal {
     forged,   ///< without it, in a member's name or about a member
   };
   [[nodiscard]] Verdict judge(OctetView datagram, MonotonicTime now);
-  /// A participant of this process.
+  /// A participant of this process: never forgotten.
   void add_own(const GuidPrefix& prefix);
   [[nodiscard]] bool is_member(const GuidPrefix& prefix) const;
   [[nodiscard]] ForgedDatagrams forged() const;
@@ -83,6 +83,7 @@ class DatagramSeal {
   std::unique_ptr<Mac> mac_;
   std::unique_ptr<Mac> before_;
   MonotonicTime key_read_;
+  std::vector<GuidPrefix> own_;
   std::vector<GuidPrefix> members_;  // the one heard last in front
   ForgedDatagrams forged_;
 };

@@ -299,7 +299,7 @@ Result<std::unique_ptr<Participant>, std::string> Participant::create(const Part
   self->graph_.set_participant(to_gid(guid));
   GuidPrefix own{};  // no participant discovers itself, and a node may hear its own messages
   std::copy_n(guid.guidPrefix.value, own.size(), own.begin());
-  if (const auto& seal = datagram_seal()) seal->add_own(own);
+  if (const auto& seal = datagram_seal(); seal && options.executor != nullptr) seal->add_own(own);
   self->known_.discovered(own, participant_user_data(options.identity), "/", "this process");
   self->transport_->tell_members_changed();
   return self;

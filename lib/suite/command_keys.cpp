@@ -23,14 +23,20 @@ namespace srfs::suite {
 namespace {
 
 constexpr std::string_view suite_file = "command_key";
-constexpr std::string_view seal_file = "seal_key";
+constexpr std::string_view seal_folder = "seal";
+constexpr std::string_view seal_file = "seal/seal_key";
 
-std::string file_of(const std::string& node) {
-  return node + ".command_key";
+std::string folder_of(const std::string& node) {
+  return "of_" + node;
 }
 
+std::string file_of(const std::string& node) {
+  return folder_of(node) + "/command_key";
+}
+
+/// Where memory takes none: on VAR's disk, among the keys that only ttc may read.
 std::array<std::filesystem::path, 2> folders(const VarPaths& var) {
-  return {var.memory(), var.run()};
+  return {order_keys(var), var.root / "keys" / "orders"};
 }
 
 std::optional<CommandKey> read_key(const VarPaths& var, std::string_view name) {
@@ -50,6 +56,10 @@ Result<void, std::string> write_key(const VarPaths& var, std::string_view name, 
   std::string why;
   for (const auto& folder : folders(var)) {
     const auto file = folder / name;
+    if (const auto usable = open_private_folder(folder, true, var.owner()); !usable) {
+      if (why.empty()) why = usable.error().message;
+      continue;
+    }
     const std::string temporary = fmt::format("{}.{}", file.string(), getpid());
     const auto fd = open_private(temporary, O_WRONLY | O_CREAT | O_TRUNC, var.owner());
     const bool written = fd && write(fd->get(), key.data(), key.size()) == static_cast<ssize_t>(key.size()) &&
@@ -71,12 +81,26 @@ Result<CommandKey, std::string> made_once(const VarPaths& var, std::string_view 
   if (!first && getrandom(made.data(), made.size(), 0) != static_cast<ssize_t>(made.size()))
     return Err("no random numbers: " + errno_text(errno));
   if (const auto written = write_key(var, name, made, false); !written) return Err(written.error());
-  if (first) log::warn("{} was missing and is written again", (var.memory() / name).string());
+  if (first) log::warn("{} was missing and is written again", (order_keys(var) / name).string());
   if (const auto key = read_key(var, name)) return *key;  // of another process, if that was first
-  return Err(fmt::format("{}: is no key", (var.memory() / name).string()));
+  return Err(fmt::format("{}: is no key", (order_keys(var) / name).string()));
 }
 
 }  // namespace
+
+std::filesystem::path order_keys(const VarPaths& var) {
+  const auto memory = var.memory();
+  if (memory == var.memory_link()) return var.root / "keys" / "orders";
+  return memory.parent_path() / (var.memory_name() + std::string(order_keys_suffix));
+}
+
+std::vector<std::filesystem::path> order_keys_for(const VarPaths& var, const std::string& node) {
+  std::vector<std::filesystem::path> readable;
+  for (const auto& folder : folders(var)) {
+    for (const auto& name : {std::string(seal_folder), folder_of(node)}) readable.push_back(folder / name);
+  }
+  return readable;
+}
 
 CommandKey command_key_of(const CommandKey& suite_key, std::string_view node) {
   return hmac_sha256(suite_key, as_octets(fmt::format("srfs command key of {}", node)));
@@ -109,20 +133,12 @@ Result<CommandKey, std::string> command_key(const VarPaths& var, const std::stri
   const auto made = hand_out_command_key(var, node);
   if (const auto key = read_key(var, file_of(node))) return *key;
   if (!made) return Err(made.error());
-  return Err(fmt::format("{}: is no command key", (var.memory() / file_of(node)).string()));
+  return Err(fmt::format("{}: is no command key", (order_keys(var) / file_of(node)).string()));
 }
 
 void forget_command_keys(const VarPaths& var) {
-  for (const auto& folder : folders(var)) {
-    std::error_code ec;
-    std::vector<std::filesystem::path> keys;
-    for (const auto& entry : std::filesystem::directory_iterator(folder, ec)) {
-      const std::string name = entry.path().filename().string();
-      if (name == suite_file || name == seal_file || name.ends_with(file_of("")))
-        keys.push_back(entry.path());
-    }
-    for (const auto& key : keys) std::filesystem::remove(key, ec);
-  }
+  std::error_code ec;
+  for (const auto& folder : folders(var)) std::filesystem::remove_all(folder, ec);
 }
 
 }  // namespace srfs::suite

@@ -4,9 +4,11 @@
 
 #include <array>
 #include <cstdint>
+#include <filesystem>
 #include <optional>
 #include <string>
 #include <string_view>
+#include <vector>
 
 #include "base/result.hpp"
 #include "ros/datagram_seal.hpp"
@@ -22,9 +24,17 @@ using CommandKey = std::array<std::uint8_t, 32>;
 /// node's key neither the suite's nor another node's can be found.
 [[nodiscard]] CommandKey command_key_of(const CommandKey& suite_key, std::string_view node);
 
-// The keys are files of VarPaths::memory(), for the suite's user alone (0600), or of VarPaths::run() where
-// tmpfs takes none: `command_key` is the suite's, for ttc, `NODE.command_key` a node's, `seal_key` that of
-// all. None of these blocks on a disk while tmpfs has room.
+// The keys are files below order_keys(), for the suite's user alone (0600): `command_key` is the suite's, for
+// ttc, `of_NODE/command_key` a node's, `seal/seal_key` that of all. None of these blocks on a disk while
+// tmpfs has room.
+
+/// Beside VarPaths::memory(), which a confined node may read as a whole: of this folder it may read
+/// order_keys_for() alone. Without a runtime folder, and where tmpfs takes none, VAR/keys/orders. Removed by
+/// `srfs down`.
+[[nodiscard]] std::filesystem::path order_keys(const VarPaths& var);
+inline constexpr std::string_view order_keys_suffix = ".keys";  ///< behind VarPaths::memory_name()
+/// The folders of what a node reads: its own key and the seal's. A key that is made anew lies there, too.
+[[nodiscard]] std::vector<std::filesystem::path> order_keys_for(const VarPaths& var, const std::string& node);
 
 /// The suite's. Made when it is missing, by one process of those that ask. @param known  what it was when the
 /// caller read it last: the one that is made then, since the nodes have theirs of it

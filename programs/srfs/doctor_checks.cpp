@@ -15,6 +15,7 @@
 #include "base/cpu_wait.hpp"
 #include "base/fd.hpp"
 #include "programs/srfs/doctor.hpp"
+#include "suite/command_keys.hpp"
 #include "suite/confinement.hpp"
 #include "suite/instance.hpp"
 #include "suite/real_time.hpp"
@@ -213,7 +214,7 @@ void examine_leftovers(Examination& x, const fs::path& runtime) {
     return true;
   });
   for (const std::string& name : x.machine.names(runtime).value_or(std::vector<std::string>{})) {
-    if (name == "domains") continue;
+    if (name == "domains" || name.ends_with(suite::order_keys_suffix)) continue;
     ++suites;
     const std::string folder = (runtime / name).string();
     const bool used = std::any_of(maps.begin(), maps.end(), [&](const std::string& text) {

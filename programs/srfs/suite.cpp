@@ -302,6 +302,7 @@ DownReport down_locked(const Target& target, milliseconds patience) {
       (void)suite::DomainLock::share(*domain, target.var.root.string());  // removes the lock of killed nodes
     std::filesystem::remove(target.var.domain_file(), ec);
     std::filesystem::remove(target.var.environment_file(), ec);
+    suite::forget_command_keys(target.var);
     std::filesystem::remove_all(target.var.memory(), ec);
     std::filesystem::remove(target.var.memory_link(), ec);
     std::filesystem::remove(target.var.run() / "domains", ec);  // there where the user has no other place

@@ -94,7 +94,7 @@ def fly(build, hw_sim, sysroot, folder, deadline_s):
         return 0
     finally:
         suite.end()
-        shutil.rmtree(mission.memory_folder(var), ignore_errors=True)
+        mission.forget_memory(var)
 
 
 def main():

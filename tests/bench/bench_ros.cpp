@@ -47,6 +47,7 @@ void add_latency(CLI::App& app, Arguments& a) {
               "Each process on one CPU, as a deployment pins time-critical nodes");
   c->add_option("--fifo", a.latency.fifo_priority, "SCHED_FIFO with this priority, as a deployment sets it")
       ->check(CLI::Range(0, 99));
+  c->add_flag("--sealed", a.latency.sealed, "Our datagrams bear a seal, as those of a suite");
   c->callback([&a] {
     a.latency.pause = srfs::milliseconds(a.pause_ms);
     a.result = measure_latency(a.latency);

@@ -17,6 +17,7 @@ struct LatencyOptions {
   milliseconds pause{1};  ///< before every message, so that the reader sleeps, as for flight topics
   bool pinned = false;    ///< each process on one CPU
   int fifo_priority = 0;  ///< 0: normal scheduling
+  bool sealed = false;    ///< our datagrams bear a seal, as in a suite; the peer's and UDP's do not
 };
 /// One-way latency of 64 octets (in both directions) and service round trip, between two processes.
 [[nodiscard]] Json measure_latency(const LatencyOptions& options);

@@ -174,6 +174,8 @@ int main(int argc, char** argv) {
   app.add_option("--claim", claim);
   bool member = false;
   app.add_flag("--member", member);
+  bool another_suite = false;  // its datagrams bear a seal of another key
+  app.add_flag("--another-suite", another_suite);
   CLI11_PARSE(app, argc, argv);
 
   const auto domain = read_file(suite::VarPaths{var}.domain_file(), 64);
@@ -186,6 +188,8 @@ int main(int argc, char** argv) {
   options.executor = &rogue.executor;
   const auto key = member ? suite::find_seal_key(suite::VarPaths::at(var)) : std::nullopt;
   if (key) ros::seal_datagrams(*key, [at = suite::VarPaths::at(var)] { return suite::find_seal_key(at); });
+  constexpr ros::SealKey other_key{1, 2, 3};
+  if (another_suite) ros::seal_datagrams(other_key, [other_key] { return std::optional(other_key); });
   auto participant = ros::Participant::create(options);
   if (!participant) {
     std::cerr << participant.error() << '\n';

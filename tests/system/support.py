@@ -55,7 +55,7 @@ def end_flight(var):
         with contextlib.suppress(OSError):
             (var / "run" / "stopping").touch()  # no node may restart the processes ended now
         end_processes(left)
-    shutil.rmtree(mission.memory_folder(var), ignore_errors=True)  # shared memory of killed processes
+    mission.forget_memory(var)
     return ended
 
 

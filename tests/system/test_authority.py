@@ -10,7 +10,7 @@ import unittest
 from support import BIN, DEADLINE_S, SystemTest, restarts, slots, wait_for_slots
 
 from srfs.flight.deployments import PAYLOADS
-from srfs.flight.mission import memory_folder
+from srfs.flight.mission import keys_folder
 from srfs.flight.processes import wait_until
 
 MEMBER = ("--member", "--claim", "sim/payload_adcs/9")  # a node of the suite that turned hostile
@@ -78,7 +78,7 @@ class AuthorityTest(SystemTest):
             self.assertFalse(hold.exists())
 
             # The suite's key alone is lost: ttc has it, and the nodes have theirs of it.
-            key = memory_folder(flight.var) / "command_key"
+            key = keys_folder(flight.var) / "command_key"
             before = key.read_bytes()
             key.unlink()
             self.complete(ground, "tc ring.release node=payload_adcs")
@@ -98,20 +98,25 @@ class AuthorityTest(SystemTest):
 class ForgedTopicsTest(SystemTest):
     def test_flags_and_ticks_of_one_that_claims_to_be_can_switcher_cost_no_payload_a_slot(self):
         with self.flight() as flight:
-            recorder = flight.recorder()
+            ground, recorder = flight.ground(), flight.recorder()
             for payload in PAYLOADS:
                 wait_for_slots(recorder, payload, "released", 2, 0)
             before, since = restarts(flight), recorder.position()
-            with Rogue(flight, "bus", *PAYLOADS, "--claim", "sim/can_switcher/1") as rogue:
-                self.assertEqual(rogue.says(), {"forged": 20})
-                forged = recorder.position()
-                for payload in PAYLOADS:
-                    wait_for_slots(recorder, payload, "released", 5, forged)
+            for seal in ((), ("--another-suite",)):
+                with Rogue(flight, "bus", *PAYLOADS, "--claim", "sim/can_switcher/1", *seal) as rogue:
+                    self.assertEqual(rogue.says(), {"forged": 20})
+                    forged, seen = recorder.position(), ground.position()
+                    for payload in PAYLOADS:
+                        wait_for_slots(recorder, payload, "released", 5, forged)
+                    self.wait_for_event(ground, "node.foreign_samples", seen, lambda m: m["fields"]["topic"] == "/can/task_flags")
             self.assertEqual([slots(recorder, payload, "failed", since) for payload in PAYLOADS], [[]] * len(PAYLOADS))
             self.assertEqual(restarts(flight), before)
             claimed = ("transition", "ttc", DEACTIVATE, "--claim", "sim/srfs/1")
             with Rogue(flight, *claimed) as rogue:
                 self.assertEqual(rogue.says(), {"success": False})
+            # All of this in names of its own: another suite in the domain forges nothing.
+            for log in sorted((flight.var / "log").glob("*.log")):
+                self.assertNotIn("forged datagrams", log.read_text(errors="replace"), log.name)
 
 
 class OpenOrdersTest(SystemTest):

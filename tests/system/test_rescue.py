@@ -21,7 +21,7 @@ def step_of(board):
 class RescueTest(SystemTest):
     def test_a_damaged_suite_is_answered_for_and_brought_back_by_telecommands_alone(self):
         with rescue.Board(self.folder / "board", mission.installed(BIN)) as board:
-            self.addCleanup(shutil.rmtree, mission.memory_folder(board.var), ignore_errors=True)
+            self.addCleanup(mission.forget_memory, board.var)
             rescue.fly_once(board)
             pristine = self.folder / "pristine"
             shutil.copytree(board.folder / "etc", pristine / "etc")

@@ -233,9 +233,10 @@ TEST(DatagramSeal, WhatWasRecordedIsWorthlessSoon) {
   EXPECT_EQ(receiver.forged().old, 1U);
 }
 
-TEST(DatagramSeal, RemembersTheMembersThatWereHeardLast) {
+TEST(DatagramSeal, RemembersItsOwnParticipantsAndTheMembersThatWereHeardLast) {
   DatagramSeal sender(key, reads(key));
   DatagramSeal receiver(key, reads(key));
+  receiver.add_own(stranger);
   GuidPrefix other = timing;
   for (std::size_t i = 0; i < 2 * DatagramSeal::most_members; ++i) {
     other[11] = static_cast<std::uint8_t>(100 + i);
@@ -244,6 +245,7 @@ TEST(DatagramSeal, RemembersTheMembersThatWereHeardLast) {
   }
   EXPECT_TRUE(receiver.is_member(timing));
   EXPECT_TRUE(receiver.is_member(other));
+  EXPECT_TRUE(receiver.is_member(stranger)) << "its own";
   other[11] = 100;
   EXPECT_FALSE(receiver.is_member(other));
 }

@@ -41,14 +41,30 @@ def installed(bin_dir):
     return stage / "bin"
 
 
-def memory_folder(var):
-    """Where the nodes of a VAR folder share memory (VarPaths::memory in lib/suite/instance.cpp)."""
+def _runtime_folder(var, suffix, otherwise):
+    """The folder of a VAR folder's suite in a runtime folder, if it is there (VarPaths::memory_name in lib/suite/instance.cpp)."""
     value = 0xCBF29CE484222325  # FNV-1a
     for octet in f"{os.path.normpath(os.path.abspath(var))}/".encode():
         value = (value ^ octet) * 0x100000001B3 % 2**64
     user = os.stat(var).st_uid if os.path.exists(var) else os.geteuid()
-    folders = [pathlib.Path("/run/srfs", f"{value:016x}"), pathlib.Path(f"/run/user/{user}/srfs", f"{value:016x}")]
-    return next((folder for folder in folders if folder.exists()), pathlib.Path(var, "run", "memory"))
+    folders = [pathlib.Path(parent, f"{value:016x}{suffix}") for parent in ("/run/srfs", f"/run/user/{user}/srfs")]
+    return next((folder for folder in folders if folder.exists()), pathlib.Path(var, *otherwise))
+
+
+def memory_folder(var):
+    """Where the nodes of a VAR folder share memory (VarPaths::memory)."""
+    return _runtime_folder(var, "", ("run", "memory"))
+
+
+def keys_folder(var):
+    """Where the keys of this start of the suite lie (order_keys in lib/suite/command_keys.cpp)."""
+    return _runtime_folder(var, ".keys", ("keys", "orders"))
+
+
+def forget_memory(var):
+    """Removes what killed processes left in memory."""
+    for folder in (keys_folder(var), memory_folder(var)):
+        shutil.rmtree(folder, ignore_errors=True)
 
 
 def has_come(var, node):
@@ -187,7 +203,7 @@ class Mission:
         for path in self.run_dir.iterdir():
             if path.name != "mission.lock":
                 path.unlink(missing_ok=True)
-        shutil.rmtree(memory_folder(self.var), ignore_errors=True)
+        forget_memory(self.var)
         with contextlib.suppress(OSError):
             (self.var / "rs422").unlink()
 
@@ -415,7 +431,7 @@ class Mission:
         left += [f"file {path}" for path in self.run_dir.iterdir() if path.name != "mission.lock"]
         if (self.var / "rs422").is_symlink():
             left.append(f"link {self.var / 'rs422'}")
-        left += [f"shared memory {memory_folder(self.var)}"] if memory_folder(self.var).exists() else []
+        left += [f"in memory: {folder}" for folder in (memory_folder(self.var), keys_folder(self.var)) if folder.exists()]
         return left
 
     def _end_quietly(self):

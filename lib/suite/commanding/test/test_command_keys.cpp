@@ -2,7 +2,10 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "suite/command_keys.hpp"
 
+#include <set>
+
 #include <sys/stat.h>
+#include <unistd.h>
 
 #include <gtest/gtest.h>
 
@@ -14,7 +17,7 @@ namespace {
 
 class CommandKeys : public testing::Test {
  protected:
-  ~CommandKeys() override { std::filesystem::remove_all(var_.memory()); }
+  ~CommandKeys() override { forget_command_keys(var_); }
   [[nodiscard]] CommandKey of_suite() const { return suite_command_key(var_).value(); }
   [[nodiscard]] CommandKey of(const std::string& node) const { return command_key(var_, node).value(); }
 
@@ -41,10 +44,10 @@ TEST_F(CommandKeys, ARestartFindsTheSameKeyAndTheNextStartOfTheSuiteAnother) {
 TEST_F(CommandKeys, TheSuitesAloneWhenItIsLostComesBackFromTtcAndChangesNoNodes) {
   const CommandKey suite_key = of_suite();
   const CommandKey before = of("payload_eps");
-  ASSERT_TRUE(std::filesystem::remove(var_.memory() / "command_key"));
+  ASSERT_TRUE(std::filesystem::remove(order_keys(var_) / "command_key"));
   EXPECT_EQ(of("payload_eps"), before);
   ASSERT_TRUE(hand_out_command_key(var_, "payload_eps"));
-  EXPECT_FALSE(std::filesystem::exists(var_.memory() / "command_key")) << "a restart of a node makes none";
+  EXPECT_FALSE(std::filesystem::exists(order_keys(var_) / "command_key")) << "a restart of a node makes none";
 
   EXPECT_EQ(suite_command_key(var_, suite_key).value(), suite_key);
   EXPECT_EQ(of_suite(), suite_key);
@@ -53,7 +56,7 @@ TEST_F(CommandKeys, TheSuitesAloneWhenItIsLostComesBackFromTtcAndChangesNoNodes)
 
 TEST_F(CommandKeys, ANodeFollowsASuitesKeyThatWasMadeAnew) {
   const CommandKey before = of("payload_eps");
-  ASSERT_TRUE(std::filesystem::remove(var_.memory() / "command_key"));
+  ASSERT_TRUE(std::filesystem::remove(order_keys(var_) / "command_key"));
   const CommandKey suite_key = of_suite();  // of a ttc that has just started
   EXPECT_NE(of("payload_eps"), before);
   EXPECT_EQ(of("payload_eps"), command_key_of(suite_key, "payload_eps"));
@@ -62,26 +65,48 @@ TEST_F(CommandKeys, ANodeFollowsASuitesKeyThatWasMadeAnew) {
 
 TEST_F(CommandKeys, OtherUsersCannotReadThem) {
   (void)of("payload_eps");
-  for (const char* name : {"command_key", "payload_eps.command_key"}) {
+  for (const char* name : {"command_key", "of_payload_eps/command_key"}) {
     struct stat status {};
-    ASSERT_EQ(stat((var_.memory() / name).c_str(), &status), 0) << name;
+    ASSERT_EQ(stat((order_keys(var_) / name).c_str(), &status), 0) << name;
     EXPECT_EQ(status.st_mode & 07777U, 0600U) << name;
   }
 }
 
 TEST_F(CommandKeys, ANodesFileThatWasExchangedIsMadeAnewAtItsNextStart) {
   const CommandKey before = of("payload_eps");
-  ASSERT_TRUE(write_file_atomically(var_.memory() / "payload_eps.command_key", std::string(32, 'x')));
+  ASSERT_TRUE(write_file_atomically(order_keys(var_) / "of_payload_eps/command_key", std::string(32, 'x')));
   ASSERT_TRUE(hand_out_command_key(var_, "payload_eps"));
   EXPECT_EQ(of("payload_eps"), before);
 }
 
+TEST_F(CommandKeys, LieWhereAConfinedNodeMayReadItsOwnAlone) {
+  (void)of("payload_eps");
+  (void)of("payload_adcs");
+  (void)suite_seal_key(var_).value();
+  const auto is_below = [](const std::filesystem::path& file, const std::filesystem::path& folder) {
+    return file.string().starts_with(folder.string() + "/");
+  };
+  std::set<std::string> readable;
+  for (const auto& file : std::filesystem::recursive_directory_iterator(order_keys(var_))) {
+    for (const auto& shared : {var_.memory(), var_.run(), var_.boot()})
+      EXPECT_FALSE(is_below(file.path(), shared)) << file.path();
+    for (const auto& folder : order_keys_for(var_, "payload_eps")) {
+      if (is_below(file.path(), folder))
+        readable.insert(std::filesystem::relative(file.path(), order_keys(var_)));
+    }
+  }
+  EXPECT_EQ(readable, (std::set<std::string>{"of_payload_eps/command_key", "seal/seal_key"}));
+
+  forget_command_keys(var_);
+  EXPECT_FALSE(std::filesystem::exists(order_keys(var_)));
+}
+
 TEST_F(CommandKeys, AnotherUsersFolderInMemoryCostsNoCommand) {
   if (geteuid() != 0) GTEST_SKIP() << "needs root";
-  std::filesystem::create_directories(var_.memory());
-  ASSERT_EQ(chown(var_.memory().c_str(), 65534, 65534), 0);
+  std::filesystem::create_directories(order_keys(var_));
+  ASSERT_EQ(chown(order_keys(var_).c_str(), 65534, 65534), 0);
   const CommandKey key = of("payload_eps");
-  EXPECT_TRUE(std::filesystem::exists(var_.run() / "payload_eps.command_key"));
+  EXPECT_TRUE(std::filesystem::exists(var_.root / "keys/orders/of_payload_eps/command_key"));
   EXPECT_EQ(key, command_key_of(of_suite(), "payload_eps"));
 
   forget_command_keys(var_);
