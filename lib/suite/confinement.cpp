@@ -32,6 +32,8 @@
 
 #include "base/background.hpp"
 #include "base/file.hpp"
+#include "base/private_file.hpp"
+#include "suite/command_keys.hpp"
 
 namespace srfs::suite {
 namespace {
@@ -225,6 +227,11 @@ fs::path library_folder() {
   return fs::canonical(self.dli_fname, ec).parent_path();
 }
 
+/// Of what proves orders, what it proves its own with.
+void allow_order_keys(FileRules& rules, const Confinement::Place& place) {
+  for (const fs::path& folder : order_keys_for(place.var, place.node.name)) rules.allow(folder, read_below);
+}
+
 void allow_foreign(FileRules& rules, const Confinement::Place& place) {
   const VarPaths& var = place.var;
   const std::string& name = place.node.name;
@@ -259,6 +266,7 @@ void allow_foreign(FileRules& rules, const Confinement::Place& place) {
     rules.allow(var.memory() / (name + file), read_file | write_file | truncate_file);
   }
   if (program_of(place.node).starts_with("image_")) rules.allow(var.root / "images", rules.all() & ~execute);
+  allow_order_keys(rules, place);
 }
 
 /// Reads what its user may, except for keys and their copies; writes below VAR, except for programs, and to
@@ -267,7 +275,9 @@ void allow_own(FileRules& rules, const Confinement::Place& place) {
   const fs::path& var = place.var.root;
   const bool commands = program_of(place.node) == "ttc_node";
   std::vector<fs::path> hidden;
-  if (!commands) hidden = {var / "keys", var / "golden", var / "set_aside", var / "ground", rescue_folder};
+  if (!commands)
+    hidden = {order_keys(place.var), var / "keys",   var / "golden",
+              var / "set_aside",     var / "ground", rescue_folder};
   // What it makes in VAR itself it could not make later.
   std::error_code ec;
   fs::create_directories(place.var.state(place.node.name), ec);
@@ -279,7 +289,9 @@ void allow_own(FileRules& rules, const Confinement::Place& place) {
   rules.allow_all_but("/", hidden, read_below);
   if (!commands) hidden.push_back(var / "versions");
   rules.allow_all_but(var, hidden, rules.all() & ~execute);
-  rules.allow(place.var.memory().parent_path(), rules.all() & ~execute);
+  (void)open_private_folder(place.var.memory(), true, place.var.owner());
+  rules.allow_all_but(place.var.memory().parent_path(), hidden, rules.all() & ~execute);
+  allow_order_keys(rules, place);
   for (const char* folder : {"/dev", "/proc"}) rules.allow(folder, read_below | write_file | truncate_file);
   for (const char* folder : system_folders) rules.allow(folder, read_below | execute);
   for (const fs::path& folder : {library_folder(), place.bin_folder})

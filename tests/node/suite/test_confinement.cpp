@@ -32,6 +32,7 @@
 
 #include "base/file.hpp"
 #include "base/private_file.hpp"
+#include "suite/command_keys.hpp"
 #include "suite/confinement.hpp"
 #include "suite/launcher.hpp"
 #include "suite/node_versions.hpp"
@@ -90,6 +91,7 @@ class Confining : public testing::Test {
       }
     }
     EXPECT_TRUE(wait_until([&] { return starters().empty(); })) << "a starter outlives its node";
+    forget_command_keys(var_);
     std::filesystem::remove_all(var_.memory());
   }
   /// Whether @p attempt succeeds in a process that has the confinement of @p node.
@@ -361,6 +363,26 @@ TEST_F(Confining, OfTheInstalledNodesTtcAloneReadsKeys) {
     EXPECT_FALSE(own_can(opening(file, O_RDWR | O_CREAT))) << file;
   EXPECT_FALSE(own_can([] { return ptrace(PTRACE_ATTACH, getppid(), nullptr, nullptr) == 0; }));
   EXPECT_FALSE(own_can([] { return unshare(CLONE_NEWNS) == 0; }));
+}
+
+TEST_F(Confining, ANodeReadsNoKeyOfOrdersButItsOwnAndTtcAll) {
+  const CommandKey eps = command_key(var_, "eps").value();
+  const CommandKey thermal = command_key(var_, "thermal").value();
+  const CommandKey suite = suite_command_key(var_).value();
+  const ros::SealKey seal = suite_seal_key(var_).value();
+  const auto finds = [this](const std::string& node, const CommandKey& key) {
+    return [=, this] { return command_key(var_, node) == Result<CommandKey, std::string>(key); };
+  };
+  const auto commands = [=, this] {
+    return suite_command_key(var_) == Result<CommandKey, std::string>(suite);
+  };
+  for (const std::uint32_t version : {0U, 1U}) {
+    EXPECT_TRUE(can("eps", version, finds("eps", eps))) << version;
+    EXPECT_FALSE(can("eps", version, finds("thermal", thermal))) << version;
+    EXPECT_FALSE(can("eps", version, commands)) << version;
+    EXPECT_TRUE(can("eps", version, [=, this] { return find_seal_key(var_) == std::optional(seal); }));
+    EXPECT_TRUE(can("ttc", version, commands)) << version;
+  }
 }
 
 TEST_F(Confining, RootsNodesHaveTheCapabilitiesOfTheirWorkAlone) {
