@@ -150,10 +150,10 @@ bool is_same_type(const dds::TopicDataType& one, const dds::TopicDataType& other
   return typeid(one) == typeid(other);
 }
 
-/// What it says of itself is not enough where datagrams are sealed.
+/// Where datagrams are sealed, the seal counts, and not what it says of itself.
 bool is_foreign_prefix(const KnownParticipants& known, const GuidPrefix& prefix) {
   const auto& seal = datagram_seal();
-  return known.is_foreign(prefix) || (seal && !seal->is_member(prefix));
+  return seal ? !seal->is_member(prefix) : known.is_foreign(prefix);
 }
 
 std::string first_address(const eprosima::fastrtps::rtps::RemoteLocatorList& locators) {
