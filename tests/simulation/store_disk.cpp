@@ -113,10 +113,14 @@ Result<void, SegmentError> PlayedSegmentFiles::write(std::size_t offset, OctetVi
 }
 
 Result<void, SegmentError> PlayedSegmentFiles::sync() {
-  if (!disk_.may_change()) return Err(SegmentError{"no space"});
   SegmentDisk::File& file = disk_.files_.at(*open_);
-  file.durable = file.now;
-  file.unsynced.clear();
+  const bool synced = disk_.may_change();
+  if (synced) {
+    for (const auto& [offset, octets] : file.unsynced) put(file.durable, offset, octets);
+  }
+  // After an error, too: the kernel reports it once, and never writes what it could not write.
+  if (synced || disk_.state_.failing) file.unsynced.clear();
+  if (!synced) return Err(SegmentError{"no space"});
   return {};
 }
 

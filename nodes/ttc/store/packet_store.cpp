@@ -29,6 +29,14 @@ void PacketStore::Segment::count(TaiTime t, std::uint32_t sequence) {
   newest = newest ? std::max(*newest, t) : t;
 }
 
+void PacketStore::Segment::add(const Segment& later) {
+  records += later.records;
+  end_sequence = std::max(end_sequence, later.end_sequence);
+  if (!later.oldest) return;
+  oldest = oldest ? std::min(*oldest, *later.oldest) : later.oldest;
+  newest = newest ? std::max(*newest, *later.newest) : later.newest;
+}
+
 /// A file may be longer than a segment when one commit was large; twice is never written.
 std::size_t PacketStore::longest_file() const {
   return 2 * config_.segment_octets + config_.pending_octets;
@@ -48,6 +56,9 @@ Result<void, FileError> PacketStore::open() {
     segments_[number].octets = config_.segment_octets;
     segments_[number].unreadable = true;
   }
+  unsynced_octets_.clear();
+  unsynced_index_ = {};
+  synced_ = segments_.empty() ? Segment{} : segments_.rbegin()->second;
   opened_ = true;
   gone_ = false;
   if (!recovered_sequence_) recovered_sequence_ = next_sequence_;
@@ -95,8 +106,9 @@ std::size_t PacketStore::octets() const {
 }
 
 void PacketStore::append(const RecordStamp& stamp, OctetView packet) {
+  const std::size_t waiting = unsynced_octets_.size() + pending_.size();
   if (packet.empty() || packet.size() > max_stored_packet_octets ||
-      pending_.size() + packet.size() + record_overhead_octets > config_.pending_octets) {
+      waiting + packet.size() + record_overhead_octets > config_.pending_octets) {
     ++counters_.refused;
     return;
   }
@@ -118,18 +130,36 @@ Result<void, FileError> PacketStore::commit() {
       return opened;
     }
   }
-  if (pending_.empty() && !unsynced_) return {};
+  if (pending_.empty() && unsynced_octets_.empty()) return {};
   auto written = pending_.empty() ? start_segment() : write_pending();
-  if (written) {
-    if (const auto synced = files_->sync(); !synced) written = Err(FileError{synced.error().message});
-  }
+  if (written) written = sync();
   if (!written) {
     ++counters_.write_failures;
     files_->close();  // reopened at the next try; a disk that came back read-only or elsewhere is noticed
   }
   failing_ = !written;
-  unsynced_ = unsynced_ && !written;
   return written;
+}
+
+/// Of the open file, which is the last segment. After an error its unsynced records are pending again, and
+/// the segment ends before them; where that fails, too, they may be there twice.
+Result<void, FileError> PacketStore::sync() {
+  const auto synced = files_->sync();
+  auto& [number, segment] = *segments_.rbegin();
+  if (synced) {
+    synced_ = segment;
+  } else {
+    files_->close();
+    static_cast<void>(files_->cut(number, synced_.octets));
+    segment = synced_;
+    pending_.insert(pending_.begin(), unsynced_octets_.begin(), unsynced_octets_.end());
+    pending_index_.add(unsynced_index_);
+    counters_.stored -= unsynced_index_.records;
+  }
+  unsynced_octets_.clear();
+  unsynced_index_ = {};
+  if (!synced) return Err(FileError{synced.error().message});
+  return {};
 }
 
 Result<void, FileError> PacketStore::start_segment() {
@@ -146,19 +176,21 @@ Result<void, FileError> PacketStore::start_segment() {
     return opened ? Result<void, FileError>() : failed(opened.error());
   }
   // What a retrieval had written is not synced yet, and the next sync is that of the new file.
-  if (unsynced_ && !segments_.empty()) {
+  if (!unsynced_octets_.empty()) {
     if (!files_->is_open()) {
       if (const auto opened = files_->open(segments_.rbegin()->first); !opened) return failed(opened.error());
     }
-    if (const auto synced = files_->sync(); !synced) return failed(synced.error());
-    unsynced_ = false;
+    if (const auto synced = sync(); !synced) return synced;
   }
   // The whole segment is counted from its start, so the quota holds while it fills.
   keep_quota(std::max(config_.segment_octets, segment_header_octets + pending_.size()));
-  const std::uint32_t number = segments_.empty() ? 0 : segments_.rbegin()->first + 1;
+  // One whose header did not reach the disk is begun again.
+  const bool again = !segments_.empty() && segments_.rbegin()->second.octets == 0;
+  const std::uint32_t number = segments_.empty() ? 0 : segments_.rbegin()->first + (again ? 0U : 1U);
   const Octets header = segment_header(number);
   if (const auto created = files_->create(number, header); !created) return failed(created.error());
   segments_[number].octets = segment_header_octets;
+  synced_ = {};
   counters_.written_octets += header.size();
   return {};
 }
@@ -169,17 +201,11 @@ Result<void, FileError> PacketStore::write_pending() {
   if (const auto written = files_->write(segment.octets, pending_); !written)
     return Err(FileError{written.error().message});
   segment.octets += pending_.size();
-  segment.records += pending_index_.records;
-  segment.end_sequence = std::max(segment.end_sequence, pending_index_.end_sequence);
-  if (pending_index_.oldest) {
-    segment.oldest =
-        segment.oldest ? std::min(*segment.oldest, *pending_index_.oldest) : pending_index_.oldest;
-    segment.newest =
-        segment.newest ? std::max(*segment.newest, *pending_index_.newest) : pending_index_.newest;
-  }
+  segment.add(pending_index_);
   counters_.stored += pending_index_.records;
   counters_.written_octets += pending_.size();
-  unsynced_ = true;
+  unsynced_octets_.insert(unsynced_octets_.end(), pending_.begin(), pending_.end());
+  unsynced_index_.add(pending_index_);
   if (cached_number_ == number) cached_number_.reset();
   pending_.clear();
   pending_index_ = {};

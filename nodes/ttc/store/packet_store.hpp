@@ -99,7 +99,8 @@ class PacketStore {
   void append(const RecordStamp& stamp, OctetView packet);
 
   /// Writes and syncs what is pending; to be called each second. On failure the pending octets stay for the
-  /// next try.
+  /// next try. So do those that were written and not synced: the kernel reports an error of the disk once,
+  /// and what it could not write counts as written for every later sync.
   Result<void, FileError> commit();
 
   /// The next packets of @p range after @p cursor, at most @p limit_octets of them (at least one record is
@@ -120,11 +121,13 @@ class PacketStore {
     std::uint32_t end_sequence = 0;  ///< behind its last record
     bool unreadable = false;         ///< nothing is known of its records
     void count(TaiTime t, std::uint32_t sequence);
+    void add(const Segment& later);
   };
 
   [[nodiscard]] std::size_t octets() const;
   Result<void, FileError> recover(std::uint32_t number, bool last);
   Result<void, FileError> start_segment();
+  Result<void, FileError> sync();
   Result<void, FileError> write_pending();
   void keep_quota(std::size_t coming_octets);
   void delete_segment(std::uint32_t number);
@@ -137,6 +140,9 @@ class PacketStore {
   std::map<std::uint32_t, Segment> segments_;  // by number; the last one is written to
   Octets pending_;
   Segment pending_index_;
+  Octets unsynced_octets_;  ///< records of the last segment, written and not yet on the medium for sure
+  Segment unsynced_index_;
+  Segment synced_;  ///< the last segment without them; 0 octets: not even its header
   std::uint32_t next_sequence_ = 0;
   std::optional<std::uint32_t> recovered_sequence_;
   bool opened_ = false;
@@ -144,7 +150,6 @@ class PacketStore {
   bool full_ = false;
   bool gone_ = false;  ///< files vanished at run time: the next commit opens the store again
   bool failing_ = false;
-  bool unsynced_ = false;  ///< written, not yet on the medium for sure
   // The segment a retrieval is in, so that each batch does not read a mebibyte again. Dropped when it is
   // written to.
   std::optional<std::uint32_t> cached_number_;

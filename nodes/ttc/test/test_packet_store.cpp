@@ -6,6 +6,9 @@
 #include <csignal>
 #include <filesystem>
 #include <fstream>
+#include <map>
+#include <utility>
+#include <vector>
 
 #include <fcntl.h>
 #include <sys/resource.h>
@@ -20,6 +23,64 @@ namespace srfs {
 namespace {
 
 namespace fs = std::filesystem;
+
+/// A disk of which the kernel reports an error once: what it could not write then, no later sync writes.
+class FailingDisk final : public SegmentFiles {
+ public:
+  explicit FailingDisk(const fs::path& folder) : files_(folder) {}
+
+  void fail_next_sync() { fails_ = true; }
+  /// What is there after a power cut now.
+  [[nodiscard]] const Octets& medium(std::uint32_t number) { return medium_[number]; }
+
+  Result<std::vector<std::uint32_t>, SegmentError> list() override { return files_.list(); }
+  Result<Octets, SegmentError> read(std::uint32_t number, std::size_t octets_max) override {
+    return files_.read(number, octets_max);
+  }
+  bool exists(std::uint32_t number) override { return files_.exists(number); }
+  Result<void, SegmentError> cut(std::uint32_t number, std::size_t octets) override {
+    medium_[number].resize(octets);
+    return files_.cut(number, octets);
+  }
+  void remove(std::uint32_t number) override { files_.remove(number); }
+  Result<void, SegmentError> create(std::uint32_t number, OctetView header) override {
+    open_ = number;
+    written_ = {{0, {header.begin(), header.end()}}};
+    return files_.create(number, header);
+  }
+  Result<void, SegmentError> open(std::uint32_t number) override {
+    open_ = number;
+    return files_.open(number);
+  }
+  [[nodiscard]] bool is_open() const override { return files_.is_open(); }
+  Result<void, SegmentError> check_open() override { return files_.check_open(); }
+  Result<void, SegmentError> write(std::size_t offset, OctetView octets) override {
+    written_.push_back({offset, {octets.begin(), octets.end()}});
+    return files_.write(offset, octets);
+  }
+  Result<void, SegmentError> sync() override {
+    const auto written = std::exchange(written_, {});
+    if (std::exchange(fails_, false)) return Err(SegmentError{"input/output error"});
+    for (const auto& [offset, octets] : written) {
+      Octets& medium = medium_[open_];
+      medium.resize(std::max(medium.size(), offset + octets.size()));
+      std::copy(octets.begin(), octets.end(), medium.begin() + static_cast<std::ptrdiff_t>(offset));
+    }
+    return files_.sync();
+  }
+  void close() override { files_.close(); }
+
+ private:
+  struct Write {
+    std::size_t offset;
+    Octets octets;
+  };
+  PosixSegmentFiles files_;
+  std::map<std::uint32_t, Octets> medium_;
+  std::vector<Write> written_;
+  std::uint32_t open_ = 0;
+  bool fails_ = false;
+};
 
 class PacketStoreOnDisk : public testing::Test {
  protected:
@@ -327,6 +388,35 @@ TEST_F(PacketStoreOnDisk, AFullDiskLosesTheNewestPacketsAndLeavesNoHalfRecord) {
   EXPECT_EQ(fs::file_size(segments().front()), 16U + 20 * 74);
   EXPECT_TRUE(store.commit());
   EXPECT_EQ(read_all(store, 0, 1000).size(), 60U);
+}
+
+TEST_F(PacketStoreOnDisk, WhatASyncCouldNotWriteIsWrittenAgain) {
+  auto files = std::make_unique<FailingDisk>(folder_ / "store");
+  FailingDisk& disk = *files;
+  PacketStore store(config(), std::move(files));
+  ASSERT_TRUE(store.open());
+  disk.fail_next_sync();  // the first, so that the segment's header is in it
+  store.append(at(1), packet(1));
+  EXPECT_FALSE(store.commit());
+  EXPECT_EQ(store.status().counters.stored, 0U);
+  EXPECT_EQ(read_all(store, 0, 10), std::vector<Octets>{packet(1)}) << "it is not lost to who asks";
+  EXPECT_TRUE(store.commit());
+  for (int s = 2; s <= 60; ++s) {  // over the end of a segment of 4096 octets
+    store.append(at(s), packet(s));
+    if (s % 7 == 0) disk.fail_next_sync();
+    if (s % 5 == 0) read_all(store, s, s);  // writes without a sync
+    if (s % 3 == 0) static_cast<void>(store.commit());
+  }
+  ASSERT_TRUE(store.commit());
+
+  EXPECT_EQ(store.status().counters.stored, 60U);
+  const auto all = read_all(store, 0, 100);
+  EXPECT_EQ(all.size(), 60U) << "each is there once";
+  for (std::uint32_t number = 0; number < store.status().segments; ++number) {
+    const auto seen = PosixSegmentFiles(folder_ / "store").read(number, 1U << 20);
+    ASSERT_TRUE(seen);
+    EXPECT_EQ(disk.medium(number), *seen) << "segment " << number;
+  }
 }
 
 }  // namespace
