@@ -4,11 +4,15 @@
 
 #include <algorithm>
 #include <array>
+#include <cerrno>
+#include <cstdio>
 #include <functional>
+#include <memory>
 #include <set>
 
 #include <fcntl.h>
 #include <fmt/format.h>
+#include <fts.h>
 #include <sys/stat.h>
 #include <sys/statvfs.h>
 #include <unistd.h>
@@ -35,6 +39,7 @@ namespace failure = mission::failure;
 
 constexpr std::size_t most_entries = 4096;  // of a folder that is looked through
 constexpr std::size_t largest_manifest = 1U << 20;
+constexpr std::size_t synced_part = 4U << 20;  // of a file that is copied
 /// Folders of VAR whose files may go down. Keys lie in others, and golden copies of keys.
 const std::set<std::string, std::less<>> may_leave{"log",      "state",     "store",  "files",
                                                    "versions", "set_aside", "images", "run"};
@@ -88,6 +93,25 @@ Result<void, std::string> sync_folder(const fs::path& folder) {
   return {};
 }
 
+/// Deletes a file or folder with all that is below it, file by file; what cannot be deleted stays. No link is
+/// followed.
+Result<void, std::string> remove_tree(const fs::path& root, const std::function<void()>& on_progress) {
+  std::string path = root.string();
+  std::array<char*, 2> roots{path.data(), nullptr};
+  const std::unique_ptr<FTS, int (*)(FTS*)> tree(fts_open(roots.data(), FTS_PHYSICAL | FTS_NOCHDIR, nullptr),
+                                                 fts_close);
+  if (!tree) return Err(fmt::format("{}: cannot be deleted: {}", path, errno_text(errno)));
+  std::string problem;
+  while (const FTSENT* entry = fts_read(tree.get())) {
+    on_progress();
+    if (entry->fts_info == FTS_D) continue;  // comes again as FTS_DP, behind what is in it
+    if (std::remove(entry->fts_accpath) != 0)
+      problem = fmt::format("{}: cannot be deleted: {}", entry->fts_path, errno_text(errno));
+  }
+  if (!problem.empty()) return Err(problem);
+  return {};
+}
+
 /// The state of the nodes that a reset of it never touches: counters, keys, numbers that go up, the silence
 /// of the transmitter, the fault ledger.
 bool stays(const fs::path& below_state) {
@@ -116,7 +140,8 @@ Fd open_plain(const fs::path& file) {
 }
 
 /// Puts a copy of what is open in the place of @p to: complete or not at all.
-Result<void, std::string> replace_by_copy(const Fd& in, const fs::path& to, const Replacement& wanted) {
+Result<void, std::string> replace_by_copy(const Fd& in, const fs::path& to, const Replacement& wanted,
+                                          const std::function<void()>& on_progress) {
   if (!in || lseek(in.get(), 0, SEEK_SET) != 0)
     return Err(std::string("what is to be copied cannot be read"));
   std::error_code ec;
@@ -131,14 +156,21 @@ Result<void, std::string> replace_by_copy(const Fd& in, const fs::path& to, cons
   };
   Sha256 digest;
   std::array<std::uint8_t, 65536> part{};
-  while (true) {
+  for (std::size_t unsynced = 0;;) {
+    on_progress();
     const ssize_t got = read(in.get(), part.data(), part.size());
     if (got < 0) return give_up("what is to be copied cannot be read");
     if (got == 0) break;
     const OctetView octets(part.data(), static_cast<std::size_t>(got));
     digest.update(octets);
-    if (write(out.get(), octets.data(), octets.size()) != got)
-      return give_up(temporary.string() + ": no room");
+    unsynced += octets.size();
+    bool written = write(out.get(), octets.data(), octets.size()) == got;
+    // Not all at the end: that could take longer than the watchdog waits.
+    if (unsynced >= synced_part) {
+      written = written && fdatasync(out.get()) == 0;
+      unsynced = 0;
+    }
+    if (!written) return give_up(temporary.string() + ": no room");
   }
   if (!wanted.sha256.empty() && to_digits(digest.finish()) != wanted.sha256)
     return give_up("its golden copy is damaged, too");
@@ -231,6 +263,7 @@ FilesResult<std::uint32_t> RecoveryFiles::set_aside(RescuePart part, std::uint32
     }
   }
   for (const fs::path& path : wanted) {
+    on_progress_();
     const auto done = move_aside(path, number);
     if (!done) return Err(done.error());
     moved += *done ? 1 : 0;
@@ -238,12 +271,23 @@ FilesResult<std::uint32_t> RecoveryFiles::set_aside(RescuePart part, std::uint32
   return moved;
 }
 
-std::uint32_t RecoveryFiles::drop_oldest() const {
+std::vector<std::uint32_t> RecoveryFiles::numbers_aside() const {
   std::vector<std::uint32_t> numbers;
   for (const std::string& name : names_in(var_ / "set_aside")) {
-    if (const auto number = to_number<std::uint32_t>(name)) numbers.push_back(*number);
+    const auto number = to_number<std::uint32_t>(name);
+    if (number && *number <= highest_number && std::to_string(*number) == name) numbers.push_back(*number);
   }
   std::sort(numbers.begin(), numbers.end(), std::greater());
+  return numbers;
+}
+
+std::uint32_t RecoveryFiles::next_number(std::uint32_t recorded) const {
+  const auto numbers = numbers_aside();
+  return std::max(recorded, numbers.empty() ? 0 : numbers.front()) + 1;
+}
+
+std::uint32_t RecoveryFiles::drop_oldest() const {
+  std::vector<std::uint32_t> numbers = numbers_aside();
   std::uint32_t dropped = 0;
   const auto is_full = [this] {
     const auto free = free_of(var_);
@@ -252,10 +296,8 @@ std::uint32_t RecoveryFiles::drop_oldest() const {
   while (numbers.size() > 1 && (numbers.size() >= most_set_aside || is_full())) {
     const fs::path oldest = var_ / "set_aside" / std::to_string(numbers.back());
     numbers.pop_back();
-    std::error_code ec;
-    fs::remove_all(oldest, ec);
-    if (ec) {
-      log::error("{}: cannot be deleted: {}", oldest.string(), ec.message());
+    if (const auto gone = remove_tree(oldest, on_progress_); !gone) {
+      log::error("{}", gone.error());
       continue;
     }
     log::warn("{} was deleted: {} folders are kept, and {} MiB of the disk free", oldest.string(),
@@ -303,12 +345,13 @@ FilesResult<MendCount> RecoveryFiles::mend(Mend what) const {
         FilesFailure{failure::file_not_found, "no golden copies: both manifests are missing or damaged"});
   MendCount count{.files = static_cast<std::uint32_t>(manifest->files.size())};
   for (const update::GoldenFile& golden : manifest->files) {
+    on_progress_();
     const auto found = look_at(golden.path);
     if (found && found->sha256 == golden.sha256) continue;
     if (what == Mend::damage && judge(golden, found) != update::ScrubVerdict::damaged) continue;
-    const auto mended =
-        replace_by_copy(open_plain(folder / golden.sha256), golden.path,
-                        {.sha256 = golden.sha256, .mode = static_cast<mode_t>(golden.mode & 07777U)});
+    const auto mended = replace_by_copy(
+        open_plain(folder / golden.sha256), golden.path,
+        {.sha256 = golden.sha256, .mode = static_cast<mode_t>(golden.mode & 07777U)}, on_progress_);
     ++(mended ? count.mended : count.left);
     if (mended) {
       log::warn("{} was restored from its golden copy", golden.path);
@@ -377,13 +420,15 @@ FilesResult<void> RecoveryFiles::restore(const std::string& file, const std::str
     const fs::path kept =
         var_ / "set_aside" / std::to_string(number) /
         (fs::path(target).is_relative() ? fs::path(target) : fs::path(target).relative_path());
-    if (const auto copied = replace_by_copy(open_plain(*to), kept, {.sha256 = "", .mode = 0600}); !copied)
+    if (const auto copied =
+            replace_by_copy(open_plain(*to), kept, {.sha256 = "", .mode = 0600}, on_progress_);
+        !copied)
       return Err(disk_failure(copied.error()));
   }
   // A program stays one; a new file below bin/ or in a version store is one.
   const bool program = exists ? (old.st_mode & 0111U) != 0 : to->parent_path().filename() == "bin";
   const mode_t mode = exists ? old.st_mode & 07777U : program ? 0755 : 0644;
-  const auto replaced = replace_by_copy(source->fd, *to, {.sha256 = "", .mode = mode});
+  const auto replaced = replace_by_copy(source->fd, *to, {.sha256 = "", .mode = mode}, on_progress_);
   if (!replaced) return Err(disk_failure(replaced.error()));
   log::warn("{} was replaced by {}", to->string(), file);
   return {};
@@ -405,7 +450,7 @@ FilesResult<std::string> RecoveryFiles::fetch(const std::string& path) const {
   std::replace(name.begin(), name.end(), '/', '_');
   // A file that changes while it is sent is not sent: a copy goes down.
   const auto copied =
-      replace_by_copy(file->fd, var_ / "files" / "outbox" / name, {.sha256 = "", .mode = 0600});
+      replace_by_copy(file->fd, var_ / "files" / "outbox" / name, {.sha256 = "", .mode = 0600}, on_progress_);
   if (!copied) return Err(disk_failure(copied.error()));
   return name;
 }

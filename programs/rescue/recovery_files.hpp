@@ -4,6 +4,7 @@
 
 #include <cstdint>
 #include <filesystem>
+#include <functional>
 #include <string>
 #include <vector>
 
@@ -42,8 +43,12 @@ enum class Mend : std::uint8_t {
 /// file may hold any octets, be missing, or be a folder. Blocks on the disk.
 class RecoveryFiles {
  public:
-  explicit RecoveryFiles(const suite::RescueSettings& settings)
+  /// @param on_progress  called between the files of work that may take long: feeds the watchdog. A disk that
+  /// hangs makes none.
+  explicit RecoveryFiles(
+      const suite::RescueSettings& settings, std::function<void()> on_progress = [] {})
       : settings_(settings),
+        on_progress_(std::move(on_progress)),
         var_(settings.var),
         prefix_(std::filesystem::path(settings.program).parent_path().parent_path()),
         deployment_(settings.deployment) {}
@@ -56,8 +61,13 @@ class RecoveryFiles {
   /// What a step asks for before the suite starts. Does what it can. @return what could not be done; empty:
   /// nothing
   [[nodiscard]] std::string take_measures(suite::BootStep step, std::uint32_t number, LinkStore& link) const;
-  /// Makes room in VAR/set_aside for one more folder: the oldest go until fewer than most_set_aside are left
-  /// and the disk has free_floor_mib. The newest one is never deleted. Logged. @return how many went
+  /// Number of the next folder: higher than every one that was made, also when the record of the step is
+  /// lost.
+  /// @param recorded  the newest one by the record
+  [[nodiscard]] std::uint32_t next_number(std::uint32_t recorded) const;
+  /// Makes room in VAR/set_aside for one more folder: the oldest (of the lowest number) go until fewer than
+  /// most_set_aside are left and the disk has free_floor_mib. The newest one is never deleted. Logged.
+  /// @return how many went
   std::uint32_t drop_oldest() const;
   /// Compares the files of the suite with their golden copies (VAR/golden).
   [[nodiscard]] FilesResult<MendCount> mend(Mend what) const;
@@ -76,8 +86,11 @@ class RecoveryFiles {
   static constexpr std::uint64_t largest_fetched = 64U << 20;
   static constexpr std::size_t most_set_aside = 8;  ///< folders
   static constexpr std::uint32_t free_floor_mib = 64;
+  static constexpr std::uint32_t highest_number = 999'999;  ///< a folder with a higher one is not ours
 
  private:
+  /// Of the folders in VAR/set_aside, the highest first.
+  [[nodiscard]] std::vector<std::uint32_t> numbers_aside() const;
   [[nodiscard]] FilesResult<bool> move_aside(const std::filesystem::path& relative,
                                              std::uint32_t number) const;
   [[nodiscard]] std::string use_last_good_versions() const;
@@ -87,6 +100,7 @@ class RecoveryFiles {
   [[nodiscard]] bool is_key(const std::filesystem::path& path) const;
 
   const suite::RescueSettings& settings_;
+  std::function<void()> on_progress_;
   std::filesystem::path var_;
   std::filesystem::path prefix_;  ///< of the installation
   std::filesystem::path deployment_;

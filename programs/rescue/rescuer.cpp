@@ -146,7 +146,7 @@ Rescuer::Rescuer(const suite::RescueSettings& settings, suite::StepRecord step, 
     : settings_(settings),
       step_(std::move(step)),
       devices_(std::move(devices)),
-      files_(settings),
+      files_(settings, [this] { feed(monotonic_now()); }),
       link_store_(std::filesystem::path(settings.var) / "state" / "ttc"),
       uplink_(uplink_of(settings), link_store_.load(now)),
       transmitter_(read_transmitter(settings, now)),
@@ -428,7 +428,7 @@ void Rescuer::failed(const TelecommandOrigin& origin, const FilesFailure& failur
 
 std::uint32_t Rescuer::next_set_aside() {
   (void)files_.drop_oldest();
-  ++step_.set_aside;
+  step_.set_aside = files_.next_number(step_.set_aside);
   const auto problem = suite::StepStore(std::filesystem::path(settings_.var) / "state/boot")
                            .change([this](suite::StepRecord r) {
                              r.set_aside = step_.set_aside;

@@ -26,11 +26,12 @@ bool is_hardware(const std::string& watchdog) {
   return watchdog.starts_with("dev:");
 }
 
-/// Feeds the watchdog while the suite starts, until timing has it: a start may take longer than its time-out,
-/// and is bounded by longest_start. This program hanging, or the kernel, ends in a reset.
-class WatchdogOfAStart {
+/// Feeds the watchdog of a board during what may take longer than its time-out: measures, as long as they get
+/// on, and a start of the suite, until timing has it, bounded by longest_start. This program hanging, a disk
+/// that hangs, or the kernel, ends in a reset.
+class WatchdogOfALongWork {
  public:
-  explicit WatchdogOfAStart(const suite::RescueSettings& settings)
+  explicit WatchdogOfALongWork(const suite::RescueSettings& settings)
       : settings_(settings), ours_(is_hardware(settings.watchdog)) {}
   void feed() {
     const MonotonicTime now = monotonic_now();
@@ -54,8 +55,7 @@ class WatchdogOfAStart {
 Starter::Starter(const suite::RescueSettings& settings)
     : settings_(settings),
       store_(std::filesystem::path(settings.var) / "state" / "boot"),
-      record_(store_.read()),
-      files_(settings) {}
+      record_(store_.read()) {}
 
 void Starter::save() {
   ++record_.revision;
@@ -93,18 +93,20 @@ void Starter::note_step() const {
 }
 
 void Starter::take_measures(suite::BootStep step) {
-  ++record_.set_aside;
+  WatchdogOfALongWork watchdog(settings_);
+  const RecoveryFiles files(settings_, [&watchdog] { watchdog.feed(); });
+  record_.set_aside = files.next_number(record_.set_aside);
   save();  // the number before the folder
   log::warn("step {}: its measures are taken", to_text(step));
-  (void)files_.drop_oldest();
+  (void)files.drop_oldest();
   LinkStore link(std::filesystem::path(settings_.var) / "state" / "ttc");
   (void)link.load(monotonic_now());
-  if (const auto problems = files_.take_measures(step, record_.set_aside, link); !problems.empty())
+  if (const auto problems = files.take_measures(step, record_.set_aside, link); !problems.empty())
     log::error("{}", problems);
 }
 
 std::string Starter::start_suite() const {
-  WatchdogOfAStart watchdog(settings_);
+  WatchdogOfALongWork watchdog(settings_);
   return run_program({settings_.program, "--deployment", settings_.deployment, "--var", settings_.var, "up",
                       "--deadline", patience_of_a_start_s},
                      longest_start, [&watchdog] { watchdog.feed(); });

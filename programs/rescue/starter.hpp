@@ -41,7 +41,6 @@ class Starter {
   const suite::RescueSettings& settings_;
   suite::StepStore store_;
   suite::StepRecord record_;
-  RecoveryFiles files_;
 };
 
 }  // namespace srfs::rescue

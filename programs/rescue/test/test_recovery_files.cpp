@@ -265,6 +265,47 @@ TEST_F(RecoveryFilesTest, OfWhatIsSetAsideTheOldestGoesAndTheNewestStays) {
   EXPECT_EQ(files().drop_oldest(), 0U);
 }
 
+TEST_F(RecoveryFilesTest, TheNewestStaysAlsoWhenTheRecordOfItsNumberIsLost) {
+  for (int number = 5; number <= 12; ++number)
+    put("var/set_aside/" + std::to_string(number) + "/state/ttc/mode", "old");
+  put("var/set_aside/4000000000/x", "of an operator");
+  put("var/set_aside/013/x", "of an operator");
+
+  (void)files().drop_oldest();
+  const std::uint32_t number = files().next_number(0);
+  put("var/state/ttc/mode", "newest");
+  ASSERT_TRUE(set_aside(RescuePart::state, number));
+  (void)files().drop_oldest();
+
+  EXPECT_EQ(number, 13U);
+  EXPECT_EQ(content("var/set_aside/13/state/ttc/mode"), "newest");
+  EXPECT_FALSE(exists("var/set_aside/5"));
+  EXPECT_TRUE(exists("var/set_aside/4000000000"));
+  EXPECT_TRUE(exists("var/set_aside/013"));
+  EXPECT_EQ(files().next_number(40), 41U) << "one that was recorded and not made";
+}
+
+TEST_F(RecoveryFilesTest, LongWorkReportsItsProgressFileByFile) {
+  int steps = 0;
+  const RecoveryFiles files(settings_, [&steps] { ++steps; });
+  for (int number = 1; number <= 8; ++number)
+    for (const char* name : {"/store/events/1", "/store/events/2", "/store/housekeeping/1"})
+      put("var/set_aside/" + std::to_string(number) + name, "packets");
+  std::filesystem::create_directory_symlink(at("var/set_aside/8"), at("var/set_aside/1/store/link"));
+
+  EXPECT_EQ(files.drop_oldest(), 1U);
+  EXPECT_GE(steps, 3);
+  EXPECT_FALSE(exists("var/set_aside/1"));
+  EXPECT_EQ(content("var/set_aside/8/store/events/1"), "packets") << "no link is followed";
+
+  put("opt/bin/ttc_node", "the program");
+  put("opt/bin/timing_node", "another");
+  make_golden({"opt/bin/ttc_node", "opt/bin/timing_node"});
+  steps = 0;
+  ASSERT_TRUE(files.mend(Mend::everything));
+  EXPECT_EQ(steps, 2) << "both are whole";
+}
+
 TEST_F(RecoveryFilesTest, AHundredResetsLeaveABoundedNumberOfFolders) {
   for (std::uint32_t number = 1; number <= 100; ++number) {
     put("var/state/ttc/mode", std::to_string(number));
