@@ -247,7 +247,7 @@ void TtcNode::carry_out(const RestartComputer& /*action*/) {
     if (answer && answer->success) {
       log::warn("timing is inactive, so the watchdog restarts the computer");
     } else {
-      log::error("timing does not deactivate: the computer is not restarted now, the next try is in a day");
+      log::error("timing does not deactivate: the computer is not restarted now");
     }
   });
 }

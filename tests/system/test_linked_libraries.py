@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Which libraries each program that flies loads, read from its ELF file and those of the project's libraries."""
 
+import platform
 import re
 import unittest
 from pathlib import Path
@@ -53,6 +54,13 @@ def of_others(names: set[str]) -> set[str]:
 
 
 class LinkedLibrariesTest(unittest.TestCase):
+    @unittest.skipUnless(platform.machine() == "x86_64", "the linker packs no relocations for others")
+    def test_the_program_of_which_several_copies_are_kept_is_small(self):
+        program = Path(BIN) / "srfs_rescue"
+        if ".symtab" in output("readelf", "-SW", program) or needed(program):
+            self.skipTest("a debug build, or a sanitized one")
+        self.assertLessEqual(program.stat().st_size, 6_000_000)
+
     def program(self, name):
         return Path(BIN) / (name if name.startswith("srfs") else f"{name}_node")
 
