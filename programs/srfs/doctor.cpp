@@ -132,6 +132,7 @@ std::vector<Finding> examine(const Machine& machine, const suite::Deployment& de
   examine_devices(x);
   examine_sysctls(x);
   examine_memory(x);
+  examine_orders(x);
   examine_disk(x);
   examine_network(x);
   examine_clock(x);

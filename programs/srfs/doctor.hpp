@@ -69,6 +69,7 @@ void examine_privileges(Examination& x);
 void examine_devices(Examination& x);
 void examine_sysctls(Examination& x);
 void examine_memory(Examination& x);
+void examine_orders(Examination& x);
 void examine_disk(Examination& x);
 void examine_network(Examination& x);
 void examine_clock(Examination& x);

@@ -618,6 +618,36 @@ void examine_memory(Examination& x) {
   examine_leftovers(x, *runtime);
 }
 
+/// The keys by which nodes know ttc's telecommands and the suite's datagrams, made at each start of the
+/// suite.
+void examine_orders(Examination& x) {
+  const std::string check = "orders.keys";
+  if (x.deployment.open_orders)
+    return x.note(check, "dds.orders is open: any program of this computer commands the nodes", "proven");
+  const auto runtime = runtime_folder_of(x, owner_of_suite(x));
+  const fs::path folder =
+      runtime ? *runtime / (suite::VarPaths{x.var}.memory_name() + std::string(suite::order_keys_suffix))
+              : x.var / "keys" / "orders";
+  if (!examine_private_folder(x, check, folder, "otherwise no node executes a telecommand")) return;
+  if (!x.machine.exists(folder)) return x.note(check, "none; srfs up makes them");
+  std::vector<std::string> keys{"command_key", "seal/seal_key"};
+  for (const NodeEntry& node : x.deployment.nodes) keys.push_back("of_" + node.name + "/command_key");
+  std::size_t found = 0;
+  for (const std::string& key : keys) {
+    const auto file = x.machine.look(folder / key);
+    if (!file && file.error() == EACCES)
+      return x.unknown(check, folder.string() + " is closed to this user, whose srfs orders nothing",
+                       "run as the user of the suite");
+    if (!file) continue;
+    ++found;
+    if ((file->mode & (S_IRWXG | S_IRWXO)) == 0) continue;
+    return x.add(
+        Verdict::fail, check, fmt::format("{}: others may use it", (folder / key).string()), "mode 0600",
+        fmt::format("srfs restart --deployment {} --var {}", x.deployment.file.string(), x.var.string()));
+  }
+  x.ok(check, fmt::format("{} keys in {}, of this suite's user only", found, folder.string()));
+}
+
 void examine_disk(Examination& x) {
   fs::path folder = x.var;
   while (!x.machine.exists(folder) && folder.has_relative_path()) folder = folder.parent_path();

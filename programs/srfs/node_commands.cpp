@@ -21,8 +21,10 @@
 #include "programs/srfs/bus.hpp"
 #include "programs/srfs/ring_commands.hpp"
 #include "ros/callback_statistics.hpp"
+#include "ros/datagram_seal.hpp"
 #include "ros/lifecycle.hpp"
 #include "ros/parameters.hpp"
+#include "suite/command_keys.hpp"
 #include "suite/ring/heartbeat_page.hpp"
 
 namespace srfs::tool {
@@ -61,6 +63,15 @@ Reach reach(const Target& target, const std::string& node) {
     r.bus = std::make_unique<Bus>(target, *domain);
   }
   return r;
+}
+
+/// Why the nodes obey no order of this user; empty: they do.
+std::string why_foreign(const Target& target) {
+  if (target.deployment.open_orders || ros::datagram_seal()) return {};
+  return fmt::format(
+      "dds.orders is proven, and this user cannot read the suite's keys in {}: run srfs as the user that the "
+      "suite runs as",
+      suite::order_keys(target.var).string());
 }
 
 Json to_json(const ParameterValue& value) {
@@ -191,7 +202,11 @@ int save(const Target& target, const std::string& node, SaveParameters::Request 
   request.origin = "srfs param";
   const auto answer = r.bus->ask<SaveParameters>("/" + node + "/save_parameters", request, answer_deadline);
   if (!answer) return fail(CommandExit::no_answer, no_answer(node, answer.error()), json);
-  if (!answer->success) return fail(CommandExit::refused, fmt::format("/{}: {}", node, answer->reason), json);
+  if (!answer->success) {
+    const std::string foreign = why_foreign(target);
+    return fail(CommandExit::refused,
+                fmt::format("/{}: {}", node, foreign.empty() ? answer->reason : foreign), json);
+  }
   if (json) {
     print({{"ok", true},
            {"stored", answer->stored},
@@ -248,6 +263,9 @@ int change_state(const Target& target, const std::string& node, const std::strin
     }
     return print_outcome(node, state, CommandExit::done, "", json);
   }
+  if (const std::string foreign = why_foreign(target); !foreign.empty())
+    return print_outcome(node, state, CommandExit::refused,
+                         fmt::format("/{} refused '{}' and is {}: {}", node, label, state, foreign), json);
   const bool refused = status && status->last_outcome == GetNodeStatus::Response::REFUSED;
   return print_outcome(node, state, CommandExit::refused,
                        fmt::format("/{} {} '{}' and is {}: {}", node, refused ? "refused" : "failed to",
@@ -390,10 +408,13 @@ int set_parameter(const Target& target, const std::string& node, const std::stri
   const auto answer = r.bus->ask<rcl_interfaces::srv::SetParameters>("/" + node + "/set_parameters", request,
                                                                      answer_deadline);
   if (!answer) return fail(CommandExit::no_answer, no_answer(node, answer.error()), json);
-  if (answer->results.empty() || !answer->results.front().successful)
-    return fail(CommandExit::refused,
-                answer->results.empty() ? "the node returned no result" : answer->results.front().reason,
+  if (answer->results.empty() || !answer->results.front().successful) {
+    const std::string foreign = why_foreign(target);
+    const std::string reason =
+        answer->results.empty() ? "the node returned no result" : answer->results.front().reason;
+    return fail(CommandExit::refused, foreign.empty() ? reason : fmt::format("{}: {}", reason, foreign),
                 json);
+  }
   if (json) print({{"ok", true}});
   return code(CommandExit::done);
 }

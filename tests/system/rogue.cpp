@@ -1,13 +1,16 @@
 // SPDX-FileCopyrightText: 2026 SRFS contributors
 // SPDX-License-Identifier: Apache-2.0
 // A program in the suite's DDS domain that is not the suite's and has no key. It forges what it can:
-//   rogue VAR telecommand TARGET APID FUNCTION ARGUMENTS(hex)   what ttc would publish, ten times
-//   rogue VAR replay TARGET       waits for ttc's next telecommand to TARGET; a line on stdin: publishes it
-//   again rogue VAR transition NODE ID  asks for a lifecycle transition rogue VAR parameter NODE NAME INTEGER
-//   rogue VAR bus PAYLOADS...     until stdin ends: after each flag one for another payload, as of a later
-//   grant,
-//                               so that the holder gives up its slot and ignores all flags that follow;
-//                               ticks, too
+//   rogue VAR telecommand TARGET APID FUNCTION ARGUMENTS(hex)
+//       what ttc would publish, ten times
+//   rogue VAR replay TARGET
+//       waits for ttc's next telecommand to TARGET; a line on stdin: publishes it again
+//   rogue VAR transition NODE ID
+//       asks for a lifecycle transition
+//   rogue VAR parameter NODE NAME INTEGER
+//   rogue VAR bus PAYLOADS...
+//       until stdin ends: after each flag one for another payload, as of a later grant, so that the holder
+//       gives up its slot and ignores all flags that follow; ticks, too
 // --claim DEPLOYMENT/NODE/INCARNATION: says that it is this process of the suite.
 // --member: has the key of the suite's datagrams, as a node of the suite that turned hostile.
 // Prints lines of JSON.
@@ -174,8 +177,6 @@ int main(int argc, char** argv) {
   app.add_option("--claim", claim);
   bool member = false;
   app.add_flag("--member", member);
-  bool another_suite = false;  // its datagrams bear a seal of another key
-  app.add_flag("--another-suite", another_suite);
   CLI11_PARSE(app, argc, argv);
 
   const auto domain = read_file(suite::VarPaths{var}.domain_file(), 64);
@@ -188,8 +189,6 @@ int main(int argc, char** argv) {
   options.executor = &rogue.executor;
   const auto key = member ? suite::find_seal_key(suite::VarPaths::at(var)) : std::nullopt;
   if (key) ros::seal_datagrams(*key, [at = suite::VarPaths::at(var)] { return suite::find_seal_key(at); });
-  constexpr ros::SealKey other_key{1, 2, 3};
-  if (another_suite) ros::seal_datagrams(other_key, [other_key] { return std::optional(other_key); });
   auto participant = ros::Participant::create(options);
   if (!participant) {
     std::cerr << participant.error() << '\n';

@@ -441,6 +441,26 @@ TEST_F(DoctorTest, WhatAKilledSuiteLeftInMemoryIsToldFromASuiteThatRuns) {
       << "its process might be the one that is not seen";
 }
 
+TEST_F(DoctorTest, KeysOfOrdersAreOfTheSuitesUserAlone) {
+  files_["/run/srfs"] = {S_IFDIR | 0755, 0, 0};
+  EXPECT_EQ(finding("orders.keys").found, "none; srfs up makes them");
+  const std::string folder = "/run/srfs/" + suite::VarPaths{"/var/lib/srfs"}.memory_name() + ".keys";
+  const std::string seal = folder + "/seal/seal_key";
+  for (const std::string& one : {folder + "/command_key", folder + "/of_ttc/command_key", seal}) {
+    put(one, "");
+    files_[one] = {S_IFREG | 0600, 0, 0};
+  }
+  files_[folder] = {S_IFDIR | 0700, 0, 0};
+  EXPECT_EQ(finding("orders.keys").verdict, Verdict::ok);
+  EXPECT_EQ(finding("orders.keys").found, "3 keys in " + folder + ", of this suite's user only");
+  files_[seal] = {S_IFREG | 0640, 0, 0};
+  EXPECT_EQ(finding("orders.keys").verdict, Verdict::fail);
+  EXPECT_EQ(finding("orders.keys").found, seal + ": others may use it");
+  EXPECT_THAT(finding("orders.keys").command, HasSubstr("srfs restart"));
+  files_[folder] = {S_IFDIR | 0700, 1000, 1000};
+  EXPECT_EQ(finding("orders.keys").found, folder + ": belongs to user sat");
+}
+
 TEST_F(DoctorTest, WhatANodeMayDoIsShownBesideWhatItNeeds) {
   EXPECT_EQ(finding("privileges").found, "no node runs");
   const auto run = [this](const std::string& node, const std::string& program, const std::string& status) {
