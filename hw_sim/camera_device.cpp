@@ -123,6 +123,11 @@ void CameraDevice::pass_next() {
   pass_next_ = true;
 }
 
+void CameraDevice::set_covered(bool covered) {
+  const std::lock_guard lock(mutex_);
+  covered_ = covered;
+}
+
 nlohmann::json CameraDevice::truth() const {
   const std::lock_guard lock(mutex_);
   if (!truth_) return nullptr;
@@ -279,6 +284,7 @@ void CameraDevice::finish() {
   {
     const std::lock_guard lock(mutex_);
     if (std::exchange(pass_next_, false)) camera_->pass_next();
+    camera_->set_covered(covered_);
   }
   const MonotonicTime began = monotonic_now();
   const SkyPicture picture =

@@ -49,6 +49,8 @@ class CameraDevice {
   void misbehave(CameraMisbehaviour how, int frames);
   /// An object crosses the middle of the next frame.
   void pass_next();
+  /// With its lens covered, from the next frame on.
+  void set_covered(bool covered);
   /// What is on the frame exposed last; null before the first.
   [[nodiscard]] nlohmann::json truth() const;
   [[nodiscard]] nlohmann::json counters() const;
@@ -110,6 +112,7 @@ class CameraDevice {
   CameraMisbehaviour how_ = CameraMisbehaviour::none;
   int misbehaving_frames_ = 0;
   bool pass_next_ = false;
+  bool covered_ = false;
   std::optional<SkyTruth> truth_;
   std::uint32_t truth_sequence_ = 0;
   Figures figures_;

@@ -127,6 +127,8 @@ void read_camera(const ConfigSection& section, SkyCameraSettings& camera) {
   camera.background_e_s = section.number("background_e_s", 0, 1e6, camera.background_e_s);
   camera.read_noise_e = section.number("read_noise_e", 0, 1000, camera.read_noise_e);
   camera.switched = section.boolean("switched", camera.switched);
+  camera.warm_share = section.number("warm_share", 0, 1, camera.warm_share);
+  camera.warm_e_s = section.number("warm_e_s", 0, 1e6, camera.warm_e_s);
   camera.hot_pixels = static_cast<int>(section.integer("hot_pixels", 0, 100'000, camera.hot_pixels));
   if (section.has("pointing")) {
     const ConfigSection pointing = section.section("pointing");

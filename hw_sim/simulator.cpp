@@ -525,11 +525,12 @@ void Simulator::set_gpio_inputs(const nlohmann::json& bank) {
   gpio_.force_inputs(bits < 0 ? std::nullopt : std::optional(static_cast<std::uint8_t>(bits)));
 }
 
-/// {"fault": "none", "frames": 1} or {"pass": true}
+/// {"fault": "none", "frames": 1}, {"pass": true} or {"covered": true}
 void Simulator::set_camera(const nlohmann::json& wanted) {
-  only_keys(wanted, {"fault", "frames", "pass"});
+  only_keys(wanted, {"fault", "frames", "pass", "covered"});
   if (!camera_) throw std::invalid_argument("'camera': the deployment's camera is not simulated");
   if (wanted.value("pass", false)) camera_->pass_next();
+  if (wanted.contains("covered")) camera_->set_covered(wanted.at("covered").get<bool>());
   if (!wanted.contains("fault")) return;
   const auto how = camera_misbehaviour(wanted.at("fault").get<std::string>());
   if (!how)

@@ -37,15 +37,16 @@ Shares shares(double offset, double sigma) {
 /// One row of the sensor: shot and read noise, amplifier, converter.
 struct ReadOut {
   float background_e;
+  float exposure_s;
   float read_variance;
   float adu_per_e;
   float bias_adu;
   float highest_adu;
 };
-void read_row(const float* light, const float* pattern, const float* noise, std::uint16_t* out, int width,
-              const ReadOut& r) {
+void read_row(const float* light, const float* response, const float* dark_e_s, const float* noise,
+              std::uint16_t* out, int width, const ReadOut& r) {
   for (int x = 0; x < width; ++x) {
-    const float e = light[x] + pattern[x] * r.background_e;
+    const float e = light[x] + response[x] * r.background_e + dark_e_s[x] * r.exposure_s;
     const float adu = r.bias_adu + (e + std::sqrt(e + r.read_variance) * noise[x]) * r.adu_per_e + 0.5F;
     out[x] = static_cast<std::uint16_t>(static_cast<int>(std::min(std::max(adu, 0.0F), r.highest_adu)));
   }
@@ -98,14 +99,19 @@ SkyCamera::SkyCamera(const SkyCameraSettings& settings, std::function<void()> be
       sigma_px_(settings.fwhm_px / 2.3548),
       sky_(std::make_unique<Sky>()),
       random_(settings.seed),
-      pattern_(settings.width, settings.height),
+      response_(settings.width, settings.height),
+      dark_e_s_(settings.width, settings.height),
       light_e_(settings.width, settings.height),
       noise_(noise_values) {
-  for (float& v : pattern_.cells())
+  for (float& v : response_.cells())
     v = static_cast<float>(std::max(0.1, 1 + settings_.prnu * random_.normal()));
   for (int i = 0; i < settings_.hot_pixels; ++i) {
-    const auto at = static_cast<std::size_t>(random_.uniform() * static_cast<double>(pattern_.size()));
-    pattern_.cells()[at] = static_cast<float>(5 * std::exp(random_.uniform(0, 4)));
+    const auto at = static_cast<std::size_t>(random_.uniform() * static_cast<double>(dark_e_s_.size()));
+    dark_e_s_.cells()[at] = static_cast<float>(settings.background_e_s * 5 * std::exp(random_.uniform(0, 4)));
+  }
+  for (std::size_t i = 0; settings.warm_share > 0 && i < dark_e_s_.size(); ++i) {
+    if (random_.uniform() < settings.warm_share)
+      dark_e_s_.cells()[i] += static_cast<float>(-settings.warm_e_s * std::log1p(-random_.uniform()));
   }
   for (float& v : noise_) v = static_cast<float>(random_.normal());
 }
@@ -215,15 +221,18 @@ void SkyCamera::draw_debris(const CameraPose& pose, double begin_s, double expos
 
 void SkyCamera::read_out(double exposure_s, double gain_db, image::Grid<std::uint16_t>& pixels) {
   const double amplification = std::pow(10, gain_db / 20);
-  const ReadOut r{static_cast<float>(settings_.background_e_s * exposure_s),
+  const ReadOut r{covered_ ? 0.0F : static_cast<float>(settings_.background_e_s * exposure_s),
+                  static_cast<float>(exposure_s),
                   static_cast<float>(settings_.read_noise_e * settings_.read_noise_e),
                   static_cast<float>(amplification / settings_.gain_e_per_adu),
-                  static_cast<float>(settings_.bias_adu), static_cast<float>((1 << settings_.bits) - 1)};
+                  static_cast<float>(settings_.bias_adu),
+                  static_cast<float>((1 << settings_.bits) - 1)};
   const auto last_start = static_cast<double>(noise_.size() - static_cast<std::size_t>(settings_.width));
   for (int y = 0; y < settings_.height; ++y) {
     between_pieces_();
     const auto start = static_cast<std::size_t>(random_.uniform() * last_start);
-    read_row(light_e_.row(y), pattern_.row(y), noise_.data() + start, pixels.row(y), settings_.width, r);
+    read_row(light_e_.row(y), response_.row(y), dark_e_s_.row(y), noise_.data() + start, pixels.row(y),
+             settings_.width, r);
   }
 }
 
@@ -243,8 +252,10 @@ SkyPicture SkyCamera::expose(const CameraPose& pose, double begin_s, double expo
     std::fill_n(light_e_.row(y), settings_.width, 0.0F);
   }
   begin_passes(pose, begin_s);
-  draw_stars(pose, exposure_s, picture.truth);
-  draw_debris(pose, begin_s, exposure_s, picture.truth);
+  if (!covered_) {
+    draw_stars(pose, exposure_s, picture.truth);
+    draw_debris(pose, begin_s, exposure_s, picture.truth);
+  }
   picture.pixels = image::Grid<std::uint16_t>::unset(settings_.width, settings_.height);
   read_out(exposure_s, gain_db, picture.pixels);
   return picture;

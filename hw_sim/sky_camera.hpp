@@ -39,13 +39,15 @@ struct SkyCameraSettings {
   int bits = 12;
   double field_deg = 16;  ///< along the width
   double fwhm_px = 2.2;
-  double background_e_s = 400;        ///< of a pixel: sky and dark current
+  double background_e_s = 400;        ///< of a pixel: the sky's
   double magnitude_zero_e_s = 1.0e7;  ///< what a star of magnitude 0 gives
   double read_noise_e = 6;
   double gain_e_per_adu = 4;  ///< at 0 dB
   double bias_adu = 64;
-  double prnu = 0.005;  ///< response of the pixels, rms
-  int hot_pixels = 200;
+  double prnu = 0.005;     ///< response of the pixels, rms
+  int hot_pixels = 200;    ///< 5 to 270 times as bright as the sky
+  double warm_share = 0;   ///< of the pixels that have dark current
+  double warm_e_s = 1000;  ///< theirs, on average
   std::uint64_t seed = 1;
   std::optional<FixedPointing> pointing;
   DebrisSettings debris;
@@ -90,6 +92,8 @@ class SkyCamera {
   [[nodiscard]] SkyPicture expose(const CameraPose& pose, double begin_s, double exposure_s, double gain_db);
   /// An object crosses the middle of the next frame.
   void pass_next() { pass_next_ = true; }
+  /// A covered lens lets no light in: what is left is the detector's own.
+  void set_covered(bool covered) { covered_ = covered; }
 
  private:
   struct Sky;
@@ -117,12 +121,14 @@ class SkyCamera {
   double sigma_px_;
   std::unique_ptr<Sky> sky_;
   hw_sim::SkyRandom random_;
-  image::Plane pattern_;  ///< of the background: response and hot pixels
+  image::Plane response_;  ///< to the background
+  image::Plane dark_e_s_;  ///< current of the hot and warm pixels
   image::Plane light_e_;
   std::vector<float> noise_;
   std::vector<Pass> passes_;
   double next_pass_s_ = 0;
   bool pass_next_ = false;
+  bool covered_ = false;
 };
 
 }  // namespace srfs::sim

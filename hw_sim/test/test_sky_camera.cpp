@@ -137,6 +137,31 @@ TEST(SkyCamera, SendsObjectsAtTheIntervalAndTheSameOnesEveryTime) {
   EXPECT_EQ(first, run());
 }
 
+TEST(SkyCamera, ACoveredLensLeavesWhatTheDetectorAdds) {
+  SkyCameraSettings settings = small();
+  settings.warm_share = 0.02;
+  settings.warm_e_s = 20'000;
+  settings.background_e_s = 2000;
+  SkyCamera camera(settings);
+  camera.set_covered(true);
+  const SkyPicture dark = camera.expose(pose_of(orion, 0), 0, 0.1, 0);
+  camera.set_covered(false);
+  const SkyPicture sky = camera.expose(pose_of(orion, 0), 1, 0.1, 0);
+
+  EXPECT_TRUE(dark.truth.stars.empty());
+  EXPECT_FALSE(sky.truth.stars.empty());
+  int warm = 0;
+  double added = 0;
+  for (std::size_t i = 0; i < dark.pixels.size(); ++i) {
+    if (dark.pixels.cells()[i] < 64 + 300) continue;
+    ++warm;
+    added += sky.pixels.cells()[i] - static_cast<double>(dark.pixels.cells()[i]);
+  }
+  const double share = 0.02 * std::exp(-300 / 500.0);
+  EXPECT_NEAR(warm, share * static_cast<double>(dark.pixels.size()), 250);
+  EXPECT_NEAR(added / warm, 2000 * 0.1 / 4, 10) << "the sky's 200 e, on the same pixels";
+}
+
 TEST(SkyCamera, HasTheNoiseOfItsSensor) {
   SkyCameraSettings settings = small();
   settings.background_e_s = 2000;
