@@ -11,7 +11,8 @@ namespace {
 
 constexpr float dark_least = 6;  ///< noises below the neighbours
 
-/// The middle of what surrounds a pixel; nothing where too little of it has a value.
+}  // namespace
+
 std::optional<float> middle_around(const Plane& pixels, int x, int y) {
   std::array<float, 8> around{};
   std::size_t n = 0;
@@ -26,8 +27,6 @@ std::optional<float> middle_around(const Plane& pixels, int x, int y) {
                    around.begin() + static_cast<std::ptrdiff_t>(n));
   return around[n / 2];
 }
-
-}  // namespace
 
 void DefectCount::add(const Frame& frame, const CleanFrame& clean) {
   ++frames_;

@@ -2,11 +2,15 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <optional>
 #include <vector>
 
 #include "image/clean_frame.hpp"
 
 namespace srfs::image {
+
+/// The middle of what surrounds a pixel; nothing where too little of it has a value.
+[[nodiscard]] std::optional<float> middle_around(const Plane& pixels, int x, int y);
 
 /// A pixel that is not as its neighbours.
 struct Defect {

@@ -104,6 +104,8 @@ struct Frame {
   /// When its exposure began, on any scale of seconds; nothing when the file does not say.
   std::optional<double> time_s;
   std::optional<double> exposure_s;
+  std::optional<double> gain;           ///< the camera's setting, in its own unit
+  std::optional<double> temperature_k;  ///< of the sensor
   /// Pixels from here on are saturated; without it the detector looks for a plateau.
   std::optional<float> saturation_adu;
 };

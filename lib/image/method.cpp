@@ -21,6 +21,9 @@ namespace {
 
 constexpr ParameterSpec fwhm{
     "fwhm", 0, 0, 12, "width of the stars, px FWHM, where the operator knows it; 0: measured in each frame"};
+constexpr ParameterSpec calibrated{
+    "calibrated", 1, 0, 1,
+    "0: frames as they are; 1: minus the dark that fits, over the flat, where there are any"};
 constexpr ParameterSpec stars_max{"max_stars", 10000, 1, 100000, "most stars to keep, brightest first"};
 
 class StarCentroid final : public Method {
@@ -46,6 +49,7 @@ constexpr std::array star_centroid_parameters{
                   "least SNR of a star; 0: automatic (4.2 to 5, about one false star in 70)"},
     stars_max,
     fwhm,
+    calibrated,
 };
 
 constexpr ParameterSpec on_the_sky{
@@ -127,6 +131,7 @@ constexpr std::array streak_parameters{
     ParameterSpec{"trails", 0, 0, 1, "1: also star trails, drawn when the camera turns"},
     on_the_sky,
     fwhm,
+    calibrated,
 };
 
 /// Moving objects in several frames.
@@ -192,6 +197,7 @@ constexpr std::array tracklet_parameters{
                   "chi-squared margin by which a streak must beat stars in one frame"},
     on_the_sky,
     fwhm,
+    calibrated,
 };
 
 /// The attitude from the stars.
@@ -231,6 +237,7 @@ constexpr std::array plate_parameters{
                   "largest width of the field of view, degrees"},
     ParameterSpec{"stars", 0, 0, 1, "1: also the stars"},
     fwhm,
+    calibrated,
 };
 
 /// Pixels of the detector that are not as the others, from several frames.
@@ -277,6 +284,41 @@ constexpr std::array defect_parameters{
     ParameterSpec{"share", 0.6, 0.05, 1, "share of the frames that must show a defect"},
     ParameterSpec{"max_defects", 10000, 1, 1000000, "most defects to keep, strongest first"},
     fwhm,
+};
+
+/// A master frame of the detector.
+class MasterMaking final : public Method {
+ public:
+  explicit MasterMaking(const Parameters& parameters) : maker_(kind_of(parameters)) {}
+
+  static MasterKind kind_of(const Parameters& parameters) {
+    return parameters["kind"] == 0 ? MasterKind::dark : MasterKind::flat;
+  }
+
+  Result<FrameFindings, Refusal> process(const Frame& frame) override {
+    if (auto added = maker_.add(frame); !added) return Err(added.error());
+    return FrameFindings{};
+  }
+
+  SequenceFindings finish() override {
+    SequenceFindings found;
+    auto made = maker_.finish();
+    if (made) {
+      found.master = std::move(made->master);
+      found.defects = std::move(made->defects);
+    } else {
+      found.notes.push_back(made.error().reason);
+    }
+    return found;
+  }
+
+ private:
+  MasterMaker maker_;
+};
+
+constexpr std::array master_parameters{
+    ParameterSpec{"kind", 0, 0, 1,
+                  "0: a dark, of frames without light; 1: a flat, of frames lit evenly that a dark fits"},
 };
 
 class Thumbnail final : public Method {
@@ -332,17 +374,31 @@ std::unique_ptr<Method> make(const Parameters& parameters) {
   return std::make_unique<M>(parameters);
 }
 
+/// What searches a frame.
+MastersUsed both(const Parameters& parameters) {
+  const bool is_wanted = parameters["calibrated"] != 0;
+  return {is_wanted, is_wanted, false};
+}
+
+/// A flat is made of frames without their dark.
+MastersUsed dark_of_flats(const Parameters& parameters) {
+  const bool is_flat = MasterMaking::kind_of(parameters) == MasterKind::flat;
+  return {is_flat, false, is_flat};
+}
+
 constexpr std::array entries{
     MethodEntry{"star_centroid", "stars: position, flux, SNR and width", star_centroid_parameters,
-                make<StarCentroid>},
+                make<StarCentroid>, both},
     MethodEntry{"streak", "streaks of moving objects: ends, SNR, flux and width", streak_parameters,
-                make<StreakSearch>},
+                make<StreakSearch>, both},
     MethodEntry{"tracklet", "objects that move over several frames: points, velocity, SNR",
-                tracklet_parameters, make<TrackletSearch>},
+                tracklet_parameters, make<TrackletSearch>, both},
     MethodEntry{"plate_solve", "attitude, field of view and distortion from the stars, or none",
-                plate_parameters, make<PlateSolving>},
+                plate_parameters, make<PlateSolving>, both},
     MethodEntry{"defect_map", "hot and dark pixels of the detector, from several frames", defect_parameters,
                 make<DefectMap>},
+    MethodEntry{"calibrate", "a dark or flat of the detector, from several frames, with its defects",
+                master_parameters, make<MasterMaking>, dark_of_flats},
     MethodEntry{"roi", "a section of the frame, unchanged", roi_parameters, make<RegionOfInterest>},
     MethodEntry{"thumbnail", "the frame scaled down, for viewing", thumbnail_parameters, make<Thumbnail>},
 };

@@ -55,6 +55,12 @@ struct MethodEntry {
   std::string_view description;
   std::span<const ParameterSpec> parameters;
   std::unique_ptr<Method> (*make)(const Parameters&);
+  /// What its frames are to be freed of before; nullptr: they stay as they are.
+  MastersUsed (*masters)(const Parameters&) = nullptr;
+
+  [[nodiscard]] MastersUsed masters_for(const Parameters& chosen) const {
+    return masters != nullptr ? masters(chosen) : MastersUsed{};
+  }
 };
 
 [[nodiscard]] std::span<const MethodEntry> methods();

@@ -6,6 +6,7 @@
 #include <string>
 #include <vector>
 
+#include "image/calibration.hpp"
 #include "image/defect_map.hpp"
 #include "image/detections.hpp"
 #include "image/registration.hpp"
@@ -57,6 +58,7 @@ struct SequenceFindings {
   int reference = 0;                             ///< the reference frame
   bool timed = false;                            ///< velocities are per second
   std::vector<Defect> defects;                   ///< of the detector, strongest first
+  std::optional<Master> master;                  ///< of the detector
   std::vector<std::string> notes;
 };
 

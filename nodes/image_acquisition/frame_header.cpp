@@ -8,7 +8,6 @@ namespace srfs {
 namespace {
 
 constexpr std::size_t text_max = 60;
-constexpr double ice_point_k = 273.15;
 
 /// FITS has printable ASCII only.
 std::string plain(const std::string& text) {
@@ -45,7 +44,7 @@ std::vector<image::FitsCard> frame_header(const hw::CameraFrame& frame, const Fr
   if (frame.saturation_adu)
     cards.push_back({"SATURATE", std::int64_t{*frame.saturation_adu}, "ADU, saturated from here on"});
   if (frame.temperature_k)
-    cards.push_back({"CCD-TEMP", *frame.temperature_k - ice_point_k, "deg C, of the sensor"});
+    cards.push_back({"CCD-TEMP", *frame.temperature_k - image::ice_point_k, "deg C, of the sensor"});
   if (facts.attitude) {
     constexpr std::array names{"ATT-X", "ATT-Y", "ATT-Z", "ATT-W"};
     for (std::size_t i = 0; i < names.size(); ++i) {

@@ -53,12 +53,16 @@ std::optional<std::string> findings_text(const TaskFindings& findings, std::size
       {"parameters", findings.parameters},
       {"frame_count", findings.frames.size()},
       {"solution", image::to_json(findings.attitude)},
+      {"calibration", Json::array()},
+      {"master", findings.master ? image::to_json(*findings.master) : Json()},
       {"tracklets", Json::array()},
       {"streaks", Json::array()},
       {"defects", Json::array()},
       {"frames", Json::array()},
       {"refused", Json::array()},
       {"left_out", {{"tracklets", 0}, {"streaks", 0}, {"defects", 0}, {"frames", 0}, {"refused", 0}}}};
+  for (const image::StoredMaster& m : findings.calibration)
+    object["calibration"].push_back(image::to_json(m));
   const std::size_t least = Filler::dumped(object).size() + room_for_counts;
   if (least > budget) return std::nullopt;
   Filler filler(object, budget - least);

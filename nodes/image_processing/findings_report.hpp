@@ -27,7 +27,9 @@ struct TaskFindings {
   std::vector<FoundStreak> streaks;  ///< most significant first
   std::vector<image::Tracklet> tracklets;
   std::vector<image::Defect> defects;
-  std::optional<image::Attitude> attitude;  ///< of the last frame that has one
+  std::optional<image::Attitude> attitude;       ///< of the last frame that has one
+  std::vector<image::StoredMaster> calibration;  ///< what the frames were freed of before
+  std::optional<image::StoredMaster> master;     ///< that the task made
 };
 
 /// findings.json in at most @p budget octets: attitude first, then tracklets, streaks and defects, the most

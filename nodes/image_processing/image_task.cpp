@@ -49,6 +49,7 @@ ImageTask::ImageTask(TaskOrder order, std::filesystem::path images, Limits limit
     : order_(std::move(order)),
       images_(std::move(images)),
       limits_(limits),
+      masters_(images_ / "calibration"),
       stars_(stars_in(order_.request.budget_octets)) {
   findings_.task = order_.request.task;
   findings_.method = order_.request.method;
@@ -125,7 +126,10 @@ void ImageTask::process_next(StepReport& report) {
   const std::string& file = order_.request.files[next_++];
   try {
     // Made here: an index that is built once takes a third of a second.
-    if (!method_) method_ = order_.method->make(order_.parameters);
+    if (!method_) {
+      method_ = order_.method->make(order_.parameters);
+      calibrator_.emplace(masters_, order_.method->masters_for(order_.parameters));
+    }
     process(file, report);
   } catch (const std::bad_alloc&) {
     refuse(file, "not enough memory", report);
@@ -137,12 +141,17 @@ void ImageTask::process_next(StepReport& report) {
 }
 
 void ImageTask::process(const std::string& file, StepReport& report) {
-  const auto frame = read(file);
+  auto frame = read(file);
   if (!frame) return refuse(file, frame.error().reason, report);
   if (const auto why = why_unusable(*frame)) return refuse(file, *why, report);
+  auto applied = calibrator_->apply(*frame);
+  for (std::string& problem : calibrator_->take_problems()) report.problems.push_back(std::move(problem));
+  if (!applied) return refuse(file, applied.error().reason, report);
   auto found = method_->process(*frame);
   if (!found) return refuse(file, found.error().reason, report);
+  found->notes.insert(found->notes.end(), applied->notes.begin(), applied->notes.end());
   take_findings(file, *frame, *std::move(found), report);
+  image::name_masters(*applied, findings_.frames.back());
 }
 
 void ImageTask::take_findings(const std::string& file, const image::Frame& frame, image::FrameFindings found,
@@ -202,6 +211,8 @@ void ImageTask::mark(const std::string& file, bool detected, StepReport& report)
 void ImageTask::finish_sequence(StepReport& report) {
   image::SequenceFindings found = method_->finish();
   method_.reset();
+  findings_.calibration = calibrator_->used();
+  calibrator_.reset();
   std::vector<bool> detected(used_.size(), false);
   for (std::size_t k = 0; k < std::min(found.streaks.size(), used_.size()); ++k) {
     detected[k] = !found.streaks[k].empty();
@@ -222,14 +233,27 @@ void ImageTask::finish_sequence(StepReport& report) {
   counts_.tracklets = static_cast<std::uint32_t>(found.tracklets.size());
   findings_.tracklets = std::move(found.tracklets);
   findings_.defects = std::move(found.defects);
+  if (order_.request.method == "calibrate") store_master(found, report);
   for (std::size_t k = 0; is_sequence_ && k < used_.size(); ++k) {
     mark(used_[k].file, detected[k], report);
     report.frames.push_back(used_[k].report);
   }
 }
 
+void ImageTask::store_master(const image::SequenceFindings& found, StepReport& report) {
+  if (!found.master) {
+    const std::string why = found.notes.empty() ? "no master" : found.notes.front();
+    return fail(mission::failure::no_usable_frame, why);
+  }
+  auto saved = masters_.save(*found.master);
+  if (!saved) return fail(mission::failure::disk_failed, saved.error().reason);
+  findings_.master = std::move(saved->master);
+  report.problems.insert(report.problems.end(), saved->problems.begin(), saved->problems.end());
+}
+
 void ImageTask::make_findings(ProductStore& store, StepReport& report) {
   finish_sequence(report);
+  if (failure_) return;
   std::stable_sort(findings_.streaks.begin(), findings_.streaks.end(),
                    [](const FoundStreak& a, const FoundStreak& b) { return a.streak.snr > b.streak.snr; });
   if (const auto text = findings_text(findings_, room()))

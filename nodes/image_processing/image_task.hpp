@@ -10,6 +10,7 @@
 #include <string>
 #include <vector>
 
+#include "image/file/calibrator.hpp"
 #include "image/product/star_list.hpp"
 #include "nodes/image_processing/cut_outs.hpp"
 #include "nodes/image_processing/findings_report.hpp"
@@ -104,6 +105,7 @@ class ImageTask {
   void take_findings(const std::string& file, const image::Frame& frame, image::FrameFindings found,
                      StepReport& report);
   void finish_sequence(StepReport& report);
+  void store_master(const image::SequenceFindings& found, StepReport& report);
   void make_findings(ProductStore& store, StepReport& report);
   void cut_next(StepReport& report);
   void make_pictures(ProductStore& store, StepReport& report);
@@ -124,8 +126,10 @@ class ImageTask {
   TaskOrder order_;
   std::filesystem::path images_;
   Limits limits_;
-  std::unique_ptr<image::Method> method_;  // null: full frames only
-  bool is_sequence_ = false;               // streaks are known when all frames are
+  image::MasterStore masters_;
+  std::optional<image::Calibrator> calibrator_;  // while there is a method
+  std::unique_ptr<image::Method> method_;        // null: full frames only
+  bool is_sequence_ = false;                     // streaks are known when all frames are
 
   Phase phase_ = Phase::frames;
   std::size_t next_ = 0;  // file, or frame to be cut, of the phase

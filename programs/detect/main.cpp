@@ -21,6 +21,7 @@
 #include "base/file.hpp"
 #include "base/time.hpp"
 #include "base/version.hpp"
+#include "image/file/calibrator.hpp"
 #include "image/file/frame_file.hpp"
 #include "image/method.hpp"
 #include "image/photograph/drawing.hpp"
@@ -63,7 +64,9 @@ struct Report {
   Json streaks = Json::array();
   Json tracklets = Json::array();
   Json defects = Json::array();
-  Json solution = nullptr;  ///< of the first frame that has one
+  Json solution = nullptr;           ///< of the first frame that has one
+  Json calibration = Json::array();  ///< what the frames were freed of before
+  Json master = nullptr;             ///< that was made
 };
 
 struct Elapsed {
@@ -183,6 +186,7 @@ struct Options {
   std::string folder;  ///< for pictures and cut-outs
   std::string drawing;
   int drawing_width = drawing_width_most;
+  std::string masters;   ///< folder of dark and flat
   std::string tracking;  ///< file of the tracking data message
   std::string observer = "SRFS";
   bool json = false;
@@ -250,17 +254,35 @@ std::vector<std::string> parameters_of(const Options& options) {
 
 void print(const Report& report, const Options& options) {
   if (options.json) {
-    const Json all{{"method", options.method},   {"frames", report.frames},       {"stars", report.stars},
-                   {"streaks", report.streaks},  {"tracklets", report.tracklets}, {"defects", report.defects},
-                   {"solution", report.solution}};
+    const Json all{
+        {"method", options.method},    {"frames", report.frames},           {"stars", report.stars},
+        {"streaks", report.streaks},   {"tracklets", report.tracklets},     {"defects", report.defects},
+        {"solution", report.solution}, {"calibration", report.calibration}, {"master", report.master}};
     std::printf("%s\n", all.dump().c_str());
     return;
   }
   print_text(report);
   print_tracklets(report);
+  if (!report.master.is_null())
+    fmt::print("{} of generation {}\n", report.master["kind"].get<std::string>(),
+               report.master["generation"].get<int>());
   for (const Json& d : report.defects)
     fmt::print("{} pixel ({}, {})  {:+.1f} ADU in {} frames\n", d["kind"].get<std::string>(),
                d["x"].get<int>(), d["y"].get<int>(), d["level"].get<double>(), d["frames"].get<int>());
+}
+
+void print_problems(const std::vector<std::string>& problems) {
+  for (const std::string& problem : problems) std::fprintf(stderr, "srfs-detect: %s\n", problem.c_str());
+}
+
+/// @return the master that a sequence made, in its folder
+Result<Json, Refusal> stored_master(const SequenceFindings& sequence, const Options& options) {
+  if (!sequence.master)
+    return srfs::Err(Refusal{sequence.notes.empty() ? "no master" : sequence.notes.front()});
+  const auto saved = MasterStore(options.masters).save(*sequence.master);
+  if (!saved) return srfs::Err(saved.error());
+  print_problems(saved->problems);
+  return to_json(saved->master);
 }
 
 int run(const Options& options) {
@@ -275,20 +297,30 @@ int run(const Options& options) {
     return refuse(Refusal{fmt::format("--tdm needs --method streak or tracklet, not {}", options.method)},
                   bad_usage);
   if (!parameters) return refuse(parameters.error(), bad_usage);
+  if (options.method == "calibrate" && options.masters.empty())
+    return refuse(Refusal{"--method calibrate makes a master: give its folder with --calibration"},
+                  bad_usage);
   const auto method = (*entry)->make(*parameters);
+  const MastersUsed wanted = options.masters.empty() ? MastersUsed{} : (*entry)->masters_for(*parameters);
+  Calibrator calibrator(MasterStore(options.masters), wanted);
   Report report;
   Tracked tracked;
   std::vector<FrameFindings> drawn;  // where something is to be drawn
   for (const std::string& file : options.files) {
-    const auto frame = read_frame(file, decode_photograph);
+    auto frame = read_frame(file, decode_photograph);
     if (!frame) return refuse(frame.error(), file_refused);
+    const auto applied = calibrator.apply(*frame);
+    print_problems(calibrator.take_problems());
+    if (!applied) return refuse(Refusal{file + ": " + applied.error().reason}, file_refused);
     const auto begin = std::chrono::steady_clock::now();
     const double cpu_before_ms = cpu_ms();
     auto found = method->process(*frame);
     if (!found) return refuse(Refusal{file + ": " + found.error().reason}, file_refused);
+    found->notes.insert(found->notes.end(), applied->notes.begin(), applied->notes.end());
     add(report, file, *frame, *found,
         {std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - begin).count(),
          cpu_ms() - cpu_before_ms});
+    name_masters(*applied, report.frames.back());
     if (found->cutout && options.folder.empty())
       return refuse(
           Refusal{fmt::format("--method {} makes a picture: give its folder with --out", options.method)},
@@ -304,6 +336,12 @@ int run(const Options& options) {
   }
   const SequenceFindings sequence = method->finish();
   add(report, sequence);
+  for (const StoredMaster& m : calibrator.used()) report.calibration.push_back(to_json(m));
+  if (options.method == "calibrate") {
+    auto stored = stored_master(sequence, options);
+    if (!stored) return refuse(stored.error(), file_refused);
+    report.master = *std::move(stored);
+  }
   tracked.add(sequence.tracklets);
   print(report, options);
   if (!options.tracking.empty()) {
@@ -330,6 +368,8 @@ int main(int argc, char** argv) {
       ->allow_extra_args(false);
   app.add_option("--out", options.folder, "Folder for pictures and cut-outs; thumbnail and roi need it")
       ->check(CLI::ExistingDirectory);
+  app.add_option("--calibration", options.masters,
+                 "Folder of darks and flats: --method calibrate writes there, the others use those that fit");
   app.add_option("--draw", options.drawing,
                  "PNG: the first frame (of a sequence its reference frame) with the findings drawn over it");
   app.add_option("--draw-width", options.drawing_width,

@@ -16,9 +16,11 @@ from support import BIN, DEADLINE_S, SystemTest
 from srfs.flight.processes import wait_until
 
 TASK_S = 120  # for a small task, on a machine under load
-ABORTED, IMAGING_LOST = 39, 121
+ABORTED, NO_USABLE_FRAME, IMAGING_LOST = 39, 119, 121
 CAPTURED, PROCESSING, QUARTER_PROCESSED = 100, 101, 125
-CAPTURE = "exposure_us=100000 interval_ms=300"
+CAPTURE = {"exposure_us": 100000, "interval_ms": 300}
+WARM_CAMERA = """  camera: { width: 640, height: 480, field_deg: 9, fwhm_px: 1.4, pointing: { ra_deg: 100, dec_deg: 40, roll_deg: 20 }, warm_share: 0.1, warm_e_s: 900 }
+  watchdog:"""
 
 
 class ImagingTest(SystemTest):
@@ -29,10 +31,10 @@ class ImagingTest(SystemTest):
     def send(self, ground, command, at=None, **arguments):
         """Sends image.COMMAND. @return its line and its task number"""
         task = arguments.pop("task", None) or next(self.numbers)
-        words = " ".join(f"{name}={value}" for name, value in arguments.items())
-        settings = CAPTURE if command == "capture" else ""
+        settings = {**(CAPTURE if command == "capture" else {}), **arguments}
+        words = " ".join(f"{name}={value}" for name, value in settings.items())
         tag = f"--at {at}" if at else ""
-        return ground.send(f"tc image.{command} task={task} {settings} {words} {tag}"), task
+        return ground.send(f"tc image.{command} task={task} {words} {tag}"), task
 
     def wait_for_step(self, ground, line, step):
         """Waits for progress of at least that step, while the telecommand is under way."""
@@ -90,6 +92,38 @@ class ImagingTaskTest(ImagingTest):
             whole = subprocess.run([str(BIN / "srfs-product"), str(strips()[0]), "--out", str(self.folder / "frame.fits")],
                                    stdin=subprocess.DEVNULL, capture_output=True, text=True, timeout=TASK_S)  # fmt: skip
             self.assertEqual(whole.returncode, 0, whole.stdout + whole.stderr)
+
+    def findings(self, flight, ground, command, **arguments):
+        """A task that completes. @return what it found"""
+        line, task = self.send(ground, command, **arguments)
+        self.assert_completes(ground, line)
+        return json.loads((flight.var / "images/products" / f"{task:010}" / "findings.json").read_text())
+
+    def test_a_dark_made_in_orbit_takes_the_detectors_pattern_out_of_later_frames(self):
+        with self.flight(self.deployment(("  watchdog: { timeout", WARM_CAMERA + " { timeout"))) as flight:
+            ground = flight.ground()
+            flight.control({"camera": {"covered": True}})
+            made = self.findings(flight, ground, "capture", frames=5, method="calibrate")["master"]
+            self.assertEqual((made["kind"], made["generation"], made["frames"], made["exposure"]), ("dark", 1, 5, 0.1), made)
+            self.assertTrue((flight.var / "images/calibration/dark_0001.master").is_file())
+
+            flight.control({"camera": {"covered": False}})
+            task = next(self.numbers)
+            with_dark = self.findings(flight, ground, "capture", task=task, frames=1, method="star_centroid")
+            truth = flight.control({"query": "camera"})["camera"]
+            without = self.findings(flight, ground, "process", task=task, method="star_centroid", parameters="calibrated=0")
+            self.assertEqual((with_dark["calibration"], with_dark["frames"][0]["dark"]), ([made], 1))
+            self.assertEqual(without["calibration"], [])
+            found, found_without = with_dark["frames"][0]["stars"], without["frames"][0]["stars"]
+            self.assertLess(10, found)
+            self.assertLess(found, 1.1 * truth["star_count"] + 3)
+            self.assertGreater(found_without, 1.3 * found, "warm pixels look like stars")
+
+            # Of another exposure there is no dark: neither a frame nor a flat uses this one.
+            longer = self.findings(flight, ground, "capture", frames=1, method="star_centroid", exposure_us=200000)
+            self.assertIn("no dark fits 640 x 480 px, 0.2 s", str(longer["frames"][0]["notes"]))
+            flat, _ = self.send(ground, "capture", frames=3, method="calibrate", parameters="kind=1", exposure_us=200000)
+            self.assert_fails(ground, flat, NO_USABLE_FRAME)
 
     def test_a_cancelled_task_stops_and_the_next_one_works(self):
         with self.flight() as flight:

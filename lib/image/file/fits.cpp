@@ -149,6 +149,10 @@ Frame frame_of(const Header& header, const Layout& layout) {
   frame.time_s = seconds_of(header.text("DATE-OBS"));
   const double exposure_s = header.real("EXPTIME", NAN);
   if (std::isfinite(exposure_s) && exposure_s >= 0) frame.exposure_s = exposure_s;
+  const double gain = header.real("GAIN", NAN);
+  if (std::isfinite(gain)) frame.gain = gain;
+  const double celsius = header.real("CCD-TEMP", NAN);
+  if (std::isfinite(celsius)) frame.temperature_k = celsius + ice_point_k;
   return frame;
 }
 

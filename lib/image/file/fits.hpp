@@ -23,6 +23,9 @@ struct FitsCard {
   std::string comment = {};
 };
 
+/// CCD-TEMP is in degrees Celsius.
+inline constexpr double ice_point_k = 273.15;
+
 /// UTC for DATE-OBS, to the microsecond. FITS has no Z behind it.
 [[nodiscard]] std::string fits_date(UtcTime time);
 

@@ -81,6 +81,9 @@ Result<void, Refusal> write_fits(const std::filesystem::path& path, const Plane&
 Result<void, Refusal> write_fits(const std::filesystem::path& path, const Frame& frame) {
   std::vector<FitsCard> cards;
   if (const auto begin = utc_of(frame.time_s)) cards.push_back({"DATE-OBS", fits_date(*begin)});
+  if (frame.exposure_s) cards.push_back({"EXPTIME", *frame.exposure_s});
+  if (frame.gain) cards.push_back({"GAIN", *frame.gain});
+  if (frame.temperature_k) cards.push_back({"CCD-TEMP", *frame.temperature_k - ice_point_k});
   if (frame.saturation_adu) cards.push_back({"SATURATE", double{*frame.saturation_adu}});
   return write_octets(path, encode_fits(frame.pixels, cards));
 }

@@ -20,7 +20,7 @@ using FrameDecoder = Result<Frame, Refusal> (*)(OctetView);
 /// Writes a plain FITS file. Replaces the file.
 [[nodiscard]] Result<void, Refusal> write_fits(const std::filesystem::path& path, const Plane& pixels);
 
-/// The same with DATE-OBS and SATURATE where the frame knows them.
+/// The same with DATE-OBS, EXPTIME, GAIN, CCD-TEMP and SATURATE where the frame knows them.
 [[nodiscard]] Result<void, Refusal> write_fits(const std::filesystem::path& path, const Frame& frame);
 
 /// Replaces the file.

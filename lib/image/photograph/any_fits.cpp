@@ -7,6 +7,7 @@
 
 #include <fitsio.h>
 
+#include "image/file/fits.hpp"
 #include "image/photograph/decoders.hpp"
 
 namespace srfs::image {
@@ -143,6 +144,15 @@ Result<Frame, Refusal> decode_any_fits(OctetView content) {
   double exposure_s = 0;
   if (fits_read_key(file.handle, TDOUBLE, "EXPTIME", &exposure_s, nullptr, &status) == 0 && exposure_s >= 0)
     frame.exposure_s = exposure_s;
+  status = 0;
+  double gain = 0;
+  if (fits_read_key(file.handle, TDOUBLE, "GAIN", &gain, nullptr, &status) == 0 && std::isfinite(gain))
+    frame.gain = gain;
+  status = 0;
+  double celsius = 0;
+  if (fits_read_key(file.handle, TDOUBLE, "CCD-TEMP", &celsius, nullptr, &status) == 0 &&
+      std::isfinite(celsius))
+    frame.temperature_k = celsius + ice_point_k;
   fits_clear_errmsg();
   return frame;
 }

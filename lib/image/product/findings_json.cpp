@@ -142,6 +142,19 @@ Json to_json(const Defect& d) {
           {"frames", d.frames}};
 }
 
+Json to_json(const StoredMaster& master) {
+  const auto or_null = [](const std::optional<double>& value) { return value ? Json(*value) : Json(); };
+  const DetectorSetting& setting = master.setting;
+  return {{"kind", to_text(master.kind)},
+          {"generation", master.generation},
+          {"frames", master.frames},
+          {"defects", master.defects},
+          {"exposure", or_null(setting.exposure_s)},
+          {"gain", or_null(setting.gain)},
+          {"temperature_k", or_null(setting.temperature_k)},
+          {"sha256", master.sha256}};
+}
+
 Json frame_summary(const std::string& file, const Frame& frame, const FrameFindings& found) {
   return {{"file", file},
           {"width", frame.pixels.width()},
@@ -156,6 +169,11 @@ Json frame_summary(const std::string& file, const Frame& frame, const FrameFindi
           {"invalid", found.invalid},
           {"notes", found.notes},
           {"solution", to_json(found.attitude)}};
+}
+
+void name_masters(const Calibrator::Applied& applied, Json& summary) {
+  if (applied.dark) summary["dark"] = *applied.dark;
+  if (applied.flat) summary["flat"] = *applied.flat;
 }
 
 }  // namespace srfs::image

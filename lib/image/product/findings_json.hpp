@@ -7,6 +7,7 @@
 #include <nlohmann/json.hpp>
 
 #include "image/detections.hpp"
+#include "image/file/calibrator.hpp"
 #include "image/frame.hpp"
 #include "image/tracklet_linker.hpp"
 
@@ -22,8 +23,12 @@ using Json = nlohmann::ordered_json;
 [[nodiscard]] Json to_json(const FrameRegistration& registration);
 [[nodiscard]] Json to_json(const std::optional<Attitude>& attitude);
 [[nodiscard]] Json to_json(const Defect& defect);
+[[nodiscard]] Json to_json(const StoredMaster& master);
 
 /// @param file  as it is named in the report
 [[nodiscard]] Json frame_summary(const std::string& file, const Frame& frame, const FrameFindings& found);
+
+/// Adds the generations of the masters to a frame's summary.
+void name_masters(const Calibrator::Applied& applied, Json& summary);
 
 }  // namespace srfs::image

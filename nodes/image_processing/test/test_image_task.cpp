@@ -257,6 +257,66 @@ TEST_F(ImageTaskTest, PiecesAndThumbnailsAreProductsOfTheirMethods) {
   EXPECT_FALSE(std::filesystem::exists(images_ / "products/0000000017/roi_0002.fits")) << "of the run before";
 }
 
+TEST_F(ImageTaskTest, MakesADarkThatLaterTasksUseAndName) {
+  std::vector<std::string> darks;
+  for (int k = 1; k <= 4; ++k) {
+    image::Plane pixels(96, 64, 200 + static_cast<float>(k % 3));
+    for (int y = 0; y < 64; ++y) pixels.at(40, y) += 60;  // a warm column
+    darks.push_back(store(k, pixels));
+  }
+  ImageTask making = task(darks, "calibrate");
+  run(making);
+  ASSERT_FALSE(making.failure());
+  const image::Json master = findings()["master"];
+  EXPECT_EQ(master["kind"], "dark");
+  EXPECT_EQ(master["generation"], 1);
+  EXPECT_TRUE(std::filesystem::exists(images_ / "calibration/dark_0001.master"));
+
+  ImageTask with = task({darks[0]}, "star_centroid");
+  run(with);
+  EXPECT_EQ(findings()["calibration"][0]["sha256"], master["sha256"]);
+  EXPECT_EQ(findings()["frames"][0]["dark"], 1);
+  EXPECT_LT(findings()["frames"][0]["background"], 5);
+
+  ImageTask without = task({darks[0]}, "star_centroid", 200'000, "calibrated=0");
+  run(without);
+  EXPECT_TRUE(findings()["calibration"].empty());
+  EXPECT_GT(findings()["frames"][0]["background"], 190);
+}
+
+TEST_F(ImageTaskTest, MakesNoFlatWithoutADarkThatFits) {
+  std::vector<std::string> lit;
+  for (int k = 1; k <= 3; ++k) lit.push_back(store(k, image::Plane(96, 64, 2000)));
+  ImageTask without = task(lit, "calibrate", 200'000, "kind=1");
+  run(without);
+  ASSERT_TRUE(without.failure());
+  EXPECT_EQ(without.failure()->failure_code, mission::failure::no_usable_frame);
+  ASSERT_EQ(refused_.size(), 3U);
+  EXPECT_THAT(refused_[0], HasSubstr("there is no dark of 96 x 64 px"));
+
+  std::vector<std::string> darks;
+  for (int k = 4; k <= 6; ++k) darks.push_back(store(k, image::Plane(96, 64, 200)));
+  ImageTask dark = task(darks, "calibrate");
+  run(dark);
+  ImageTask with = task(lit, "calibrate", 200'000, "kind=1");
+  run(with);
+
+  ASSERT_FALSE(with.failure()) << with.failure()->reason;
+  EXPECT_EQ(findings()["master"]["kind"], "flat");
+  EXPECT_EQ(findings()["calibration"][0]["kind"], "dark");
+}
+
+TEST_F(ImageTaskTest, SaysWhyThereIsNoMaster) {
+  ImageTask work = task({store_frame(1, false), store_frame(2, false)}, "calibrate");
+
+  run(work);
+
+  ASSERT_TRUE(work.failure());
+  EXPECT_EQ(work.failure()->failure_code, mission::failure::no_usable_frame);
+  EXPECT_THAT(work.failure()->reason, HasSubstr("3 frames"));
+  EXPECT_FALSE(std::filesystem::exists(images_ / "calibration"));
+}
+
 TEST_F(ImageTaskTest, LinksAnObjectOverASequenceAndMarksItsFrames) {
   hw_sim::SkyScene scene = image::small_scene(2.4, 3);
   std::vector<std::string> files;
