@@ -358,18 +358,54 @@ LensTrail random_trail(const LensScene& scene, SkyRandom& random) {
   return t;
 }
 
+/// Makes the detector one of 12 bits whose pattern is stronger than its noise, behind sharp optics.
+void strengthen_pattern(SkyRandom& random, LensScene& scene) {
+  Detector& d = scene.detector;
+  const double noise_e = std::sqrt(sky_variance(scene));
+  d = {.background_e = d.background_e, .read_noise_e = d.read_noise_e, .saturation_adu = 4095};
+  d.gain_e_per_adu = noise_e / random.uniform(3, 12);
+  d.column_pattern_e = random.uniform(0.2, 1.5) * noise_e;
+  d.row_pattern_e = random.uniform(0, 0.8) * noise_e;
+  d.pixel_pattern_e = random.uniform(0.2, 1.5) * noise_e;
+  d.warm_share = random.uniform(0.01, 0.15);
+  d.warm_e = random.uniform(5, 30) * noise_e;
+  d.cosmic_rays = static_cast<int>(random.uniform(0, 30) * scene.width * scene.height / 1e6);
+  scene.lens.fwhm_px = random.uniform(0.9, 2);
+  scene.pattern_seed = scene.seed;
+}
+
+void write_lens_frame(const LensScene& scene, const std::vector<SkyStar>& stars,
+                      const std::vector<LensTrail>& trails, const std::string& path) {
+  image::Frame frame;
+  frame.pixels = image::Plane(scene.width, scene.height);
+  frame.exposure_s = 1;
+  const std::vector<float> adu = render_lens(scene, stars, trails);
+  std::copy(adu.begin(), adu.end(), frame.pixels.cells().begin());
+  if (const auto written = image::write_fits(path, frame); !written)
+    throw std::runtime_error(written.error().reason);
+}
+
+constexpr int darks_of_frame = 8;
+
+/// Frames of the same detector without light.
+void write_darks(LensScene scene, SkyRandom& random, const std::string& name) {
+  scene.detector.background_e = 0;
+  for (int k = 0; k < darks_of_frame; ++k) {
+    scene.seed = static_cast<std::uint64_t>(random.uniform() * 1e15);
+    write_lens_frame(scene, {}, {}, fmt::format("{}_dark_{}.fits", name, k));
+  }
+}
+
 void make_lens_frame(const Options& o, SkyRandom& random, int number) {
-  const LensScene scene = random_lens(o, random);
+  LensScene scene = random_lens(o, random);
+  if (o.set == "pattern") strengthen_pattern(random, scene);
   const double density = std::exp(random.uniform(std::log(100.0), std::log(1500.0)));
   const std::vector<SkyStar> stars = lens_stars(scene, random, density);
   std::vector<LensTrail> trails;
   for (int i = 0; i < (o.set == "trails" ? 2 : 0); ++i) trails.push_back(random_trail(scene, random));
-  image::Plane plane(scene.width, scene.height);
-  const std::vector<float> adu = render_lens(scene, stars, trails);
-  std::copy(adu.begin(), adu.end(), plane.cells().begin());
   const std::string name = fmt::format("{}/{}_{:03}", o.folder, o.set, number);
-  if (const auto written = image::write_fits(name + ".fits", plane); !written)
-    throw std::runtime_error(written.error().reason);
+  write_lens_frame(scene, stars, trails, name + ".fits");
+  if (o.set == "pattern") write_darks(scene, random, name);
   Json truth{{"fwhm", scene.lens.fwhm_px},
              {"coma", scene.lens.coma_px + scene.lens.tilt_px},
              {"drift", scene.lens.drift_px},
@@ -507,7 +543,7 @@ void make(const Options& o) {
     for (int i = 0; i < o.frames; ++i) make_sequence(o, random, i);
     return;
   }
-  if (o.set == "camera" || o.set == "trails") {
+  if (o.set == "camera" || o.set == "trails" || o.set == "pattern") {
     for (int i = 0; i < o.frames; ++i) make_lens_frame(o, random, i);
     return;
   }
@@ -530,7 +566,7 @@ int main(int argc, char** argv) {
   app.add_option("FOLDER", options.folder)->required()->check(CLI::ExistingDirectory);
   app.add_option("--set", options.set, "What is in them; lossless: measures how they are packed, writes none")
       ->check(CLI::IsMember({"stars", "streaks", "short", "empty", "sequence", "plate", "lens", "camera",
-                             "trails", "passes", "lossless"}))
+                             "trails", "pattern", "passes", "lossless"}))
       ->capture_default_str();
   app.add_option("--frames", options.frames, "Frames, or sequences of eight")
       ->check(CLI::Range(1, 999))

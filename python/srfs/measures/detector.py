@@ -371,7 +371,7 @@ def frames_of(bin_dir, folder, name, options, **size):
     if name == "sequence":
         return sequences_in(target)
     made = []
-    for fits in sorted(target.glob("*.fits")):
+    for fits in sorted(target.glob(f"{name.split('_')[0]}_???.fits")):
         truth = json.loads(fits.with_suffix(".json").read_text())
         made.append((fits, {**truth, "file": fits.name}))
     return made
@@ -417,6 +417,24 @@ def measure_lens(bin_dir, folder, frames):
     result = {"frames": len(frames), "srfs": ours.result(), "false_streaks_per_frame": round(wrong / len(frames), 4)}
     if has_peer:
         result["source_extractor"] = theirs.result()
+    return result
+
+
+def measure_pattern(bin_dir, folder, frames):
+    """Detectors whose fixed pattern is stronger than their noise, as they are and after `calibrate` with eight darks: no streak is in them."""
+    result = {"frames": len(frames)}
+    scores = {"without_dark": LensScore(), "with_dark": LensScore()}
+    wrong = dict.fromkeys(scores, 0)
+    for fits, truth in frames:
+        masters = folder / f"masters_{fits.stem}"
+        detect(bin_dir, "calibrate", "--calibration", masters, *sorted(fits.parent.glob(f"{fits.stem}_dark_*.fits")))
+        for name, options in (("without_dark", []), ("with_dark", ["--calibration", masters])):
+            _, found = detect(bin_dir, "star_centroid", *options, fits)
+            truth["width"], truth["height"] = found["frames"][0]["width"], found["frames"][0]["height"]
+            scores[name].add(truth, found["stars"])
+            wrong[name] += len(detect(bin_dir, "streak", *options, fits)[1]["streaks"])
+    for name, score in scores.items():
+        result[name] = {**score.result(), "false_streaks_per_frame": round(wrong[name] / len(frames), 4)}
     return result
 
 
@@ -505,6 +523,8 @@ def measure(bin_dir, options, say):
         say("bench image: lenses with faults, and trails in their frames")
         result["camera"] = measure_lens(bin_dir, folder, frames_of(bin_dir, folder, "camera", options, frames=2 * options.frames))
         result["trails"] = measure_trails(bin_dir, frames_of(bin_dir, folder, "trails", options, frames=2 * options.frames))
+        say("bench image: detectors with a fixed pattern, without and with a dark")
+        result["pattern"] = measure_pattern(bin_dir, folder, frames_of(bin_dir, folder, "pattern", options, frames=max(2, options.frames // 2)))
         say("bench image: sequences of eight frames")
         result["sequences"] = measure_tracklets(bin_dir, frames_of(bin_dir, folder, "sequence", options, frames=max(2, options.frames // 3)))
         say("bench image: attitude")
@@ -541,6 +561,9 @@ def show(result):
             print(f"  lenses with faults, {name}: {lens[name]['completeness']} of {lens[name]['bright']} stars of SNR >= 30, purity {lens[name]['purity']}")
     print(f"  the same: {lens['false_streaks_per_frame']} false streaks a frame")
     print(f"  trails: {row['found']} of {row['trails']} found, length within 10 % {row['length_within_10_percent']}, {row['false_per_frame']} false a frame")
+    for name in ("without_dark", "with_dark"):
+        row = result["pattern"][name]
+        print(f"  fixed pattern, {name.replace('_', ' ')}: {row['completeness']} of {row['bright']} stars of SNR >= 30, {row['found']} found, purity {row['purity']}, {row['false_streaks_per_frame']} false streaks a frame")
     row = result["sequences"]
     print(f"  tracklets in {row['sequences']} sequences of 8: recall {row['recall']}, {row['false_per_sequence']} false a sequence; registration {row['registration_rms_px']} px rms, {row['frames_not_registered']} frames not registered")
     print(f"  streaks of 10 to 20 px after the veto of all frames: {row['streaks_10_20_after_veto']}")
