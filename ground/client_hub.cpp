@@ -23,7 +23,14 @@ nlohmann::json refusal(const std::string& why) {
   return {{"error", why}};
 }
 
-nlohmann::json outcome(const Result<void, std::string>& result) {
+nlohmann::json refusal(const OrderError& error) {
+  nlohmann::json reply = refusal(error.text);
+  if (error.is_unknown()) reply["unknown"] = true;
+  return reply;
+}
+
+template <class Error>
+nlohmann::json outcome(const Result<void, Error>& result) {
   return result ? nlohmann::json::object() : refusal(result.error());
 }
 
@@ -108,7 +115,7 @@ Result<ClientHub::ClientId, std::string> ClientHub::on_connect(const std::string
 void ClientHub::on_disconnect(ClientId client) {
   const auto found = clients_.find(client);
   if (found == clients_.end()) return;
-  if (const auto left = leave_ad(found->second); !left) hooks_.log(left.error());
+  if (const auto left = leave_ad(found->second); !left) hooks_.log(left.error().text);
   clients_.erase(client);
 }
 
@@ -225,10 +232,9 @@ nlohmann::json ClientHub::send(ClientId id, const Client& client, const nlohmann
   if (hooks_.memory.request_of) {
     const auto known = hooks_.memory.request_of(token);
     if (known && *known) return {{"request", serve::to_message(**known)}, {"known", true}};
-    if (!known && message.value("again", false))
-      return refusal("it is not known whether it was sent: " + known.error());
+    if (!known && message.value("again", false)) return refusal({OrderError::Kind::unknown, known.error()});
   } else if (message.value("again", false)) {
-    return refusal("it is not known whether it was sent: this server has no archive");
+    return refusal({OrderError::Kind::unknown, "this server has no archive"});
   }
   const std::uint64_t number = next_number_++;
   if (ad) ad_senders_[number] = {id, of_client};
@@ -270,7 +276,7 @@ nlohmann::json ClientHub::order_ad(Client& client, const std::string& type, cons
   if (directive && !user.empty())
     return refusal(
         fmt::format("the AD service is in use by {}; a directive would end it. End that client first", user));
-  Result<void, std::string> done;
+  Result<void, OrderError> done;
   if (type == "stop_ad") {
     done = leave_ad(client);
   } else {
@@ -289,7 +295,7 @@ nlohmann::json ClientHub::order_ad(Client& client, const std::string& type, cons
   return outcome(done);
 }
 
-Result<void, std::string> ClientHub::leave_ad(Client& client) {
+Result<void, OrderError> ClientHub::leave_ad(Client& client) {
   if (!std::exchange(client.uses_ad, false)) return {};
   if (!other_ad_user(client).empty()) return {};
   return link_.stop_ad();

@@ -119,7 +119,7 @@ class ClientHub {
   [[nodiscard]] nlohmann::json order_files(const std::string& type, const nlohmann::json& message);
   /// Another client that uses the AD service; empty: none.
   [[nodiscard]] std::string other_ad_user(const Client& client) const;
-  [[nodiscard]] Result<void, std::string> leave_ad(Client& client);
+  [[nodiscard]] Result<void, OrderError> leave_ad(Client& client);
   void on_packet(const ReceivedPacket& received);
   void on_ad(std::uint64_t number, AdProgress progress);
   void on_cop(const CopReport& report);

@@ -51,6 +51,8 @@ std::string_view to_text(const StageReport& report) {
       return "timed_out";
     case Outcome::not_sent:
       return "not_sent";
+    case Outcome::unknown:
+      return "unknown";
   }
   return "?";
 }

@@ -35,6 +35,7 @@ enum class Outcome : std::uint8_t {
   failed,
   timed_out,  ///< no further report came in time
   not_sent,   ///< the AD service ended before its first transmission, or it was not scheduled
+  unknown,    ///< the server ended: whether it was sent is not known
 };
 
 struct StageReport {
@@ -54,7 +55,8 @@ struct StageReport {
 
   /// The telecommand, or a step of it, did not succeed.
   [[nodiscard]] bool is_failure() const {
-    return outcome == Outcome::failed || outcome == Outcome::timed_out || outcome == Outcome::not_sent;
+    return outcome == Outcome::failed || outcome == Outcome::timed_out || outcome == Outcome::not_sent ||
+           outcome == Outcome::unknown;
   }
   [[nodiscard]] bool is_completed() const { return outcome == Outcome::passed && stage == Stage::completion; }
   /// No more reports come.

@@ -21,6 +21,7 @@
 #include "cfdp/safe_name.hpp"
 #include "ground/dictionary_json.hpp"
 #include "ground/files.hpp"
+#include "ground/link_order.hpp"
 #include "ground/name_hint.hpp"
 #include "ground/terminal_text.hpp"
 
@@ -63,7 +64,8 @@ Console::Console(const mission::Dictionary& dictionary, std::unique_ptr<StationL
                 .problem = [this](const auto& problem) { fail(problem); },
                 .note = [this](const auto& text) { note(text); }}),
       next_stats_(monotonic_now() + stats_period) {
-  if (options.ad) station_.start_ad();
+  if (!options.ad) return;
+  if (const auto started = station_.start_ad(); !started) fail(started.error());
 }
 
 Exit Console::telecommand(const std::string& name, const std::vector<std::string>& arguments, bool wait,
@@ -108,17 +110,21 @@ Exit Console::arm(const std::string& name, const std::vector<std::string>& argum
 }
 
 Exit Console::follow(bool wait) {
-  if (failed_to_send_) return Exit::unusable;
+  if (not_sent_) return *not_sent_;
   const auto over = [&] { return last_stage_ && (last_stage_->is_final() || (!wait && accepted_)); };
   if (!run(Watch::port, over, std::nullopt)) return Exit::link_closed;
-  const bool success = wait ? last_stage_ && last_stage_->is_completed() : accepted_;
-  return success ? Exit::done : Exit::refused;
+  return end_of_telecommand(wait ? last_stage_ && last_stage_->is_completed() : accepted_);
+}
+
+Exit Console::end_of_telecommand(bool success) const {
+  if (success) return Exit::done;
+  return last_stage_ && last_stage_->outcome == Outcome::unknown ? Exit::unknown : Exit::refused;
 }
 
 Exit Console::ping(std::optional<milliseconds> timeout) {
   quiet_telemetry_ = true;
   send("ttc.ping", {}, timeout);
-  if (failed_to_send_) return Exit::unusable;
+  if (not_sent_) return *not_sent_;
   const MonotonicTime sent = monotonic_now();
   const auto over = [&] { return pong_ || (last_stage_ && last_stage_->is_failure()); };
   const MonotonicTime deadline = sent + timeout.value_or(options_.ping_patience);
@@ -126,7 +132,7 @@ Exit Console::ping(std::optional<milliseconds> timeout) {
   if (!pong_) {
     fail(last_stage_ && last_stage_->is_failure() ? "no answer to the ping: " + last_stage_->failure_text
                                                   : "no answer to the ping");
-    return Exit::refused;
+    return end_of_telecommand(false);
   }
   if (!options_.json)
     write_lines(fmt::format("alive, answer after {:.1f} ms\n",
@@ -167,11 +173,11 @@ Exit Console::retrieve(const std::string& store, const std::string& from, const 
                        std::optional<milliseconds> timeout) {
   quiet_telemetry_ = true;
   send("storage.retrieve", {"store=" + store, "from=" + from, "to=" + to}, timeout);
-  if (failed_to_send_) return Exit::unusable;
+  if (not_sent_) return *not_sent_;
   if (!run(
           Watch::port, [&] { return last_retrieval_.has_value(); }, std::nullopt))
     return Exit::link_closed;
-  return last_retrieval_ && last_retrieval_->is_complete() ? Exit::done : Exit::refused;
+  return end_of_telecommand(last_retrieval_ && last_retrieval_->is_complete());
 }
 
 Exit Console::put(const std::string& file, const std::string& name, std::optional<milliseconds> timeout) {
@@ -180,12 +186,9 @@ Exit Console::put(const std::string& file, const std::string& name, std::optiona
   return follow_file(station_.link().put(file, name, false), deadline);
 }
 
-Exit Console::follow_file(const Result<cfdp::TransactionId, std::string>& put,
+Exit Console::follow_file(const Result<cfdp::TransactionId, OrderError>& put,
                           std::optional<MonotonicTime> deadline) {
-  if (!put) {
-    fail(put.error());
-    return Exit::unusable;
-  }
+  if (!put) return failed(put.error(), Exit::unusable);
   awaited_file_ = *put;
   if (!run(
           Watch::port, [&] { return awaited_arrived_.has_value(); }, deadline))
@@ -292,10 +295,7 @@ Exit Console::exchange_once(const TelecommandText& telecommand, std::optional<mi
   exchanged_service_ = command != nullptr ? command->service : std::uint8_t{0};
   answers_.clear();
   send(telecommand.name, telecommand.arguments, timeout);
-  if (failed_to_send_) return Exit::unusable;
-  const auto over = [&] { return last_stage_ && last_stage_->is_final(); };
-  if (!run(Watch::port, over, std::nullopt)) return Exit::link_closed;
-  return last_stage_ && last_stage_->is_completed() ? Exit::done : Exit::refused;
+  return follow(true);
 }
 
 Exit Console::remote(const RemoteRequest& request, std::optional<milliseconds> timeout) {
@@ -308,7 +308,7 @@ Exit Console::remote(const RemoteRequest& request, std::optional<milliseconds> t
       const Exit exit = exchange(*page, timeout, left);
       left = left_behind(answers_);
       if (exit != Exit::done) worst = exit;
-      if (exit == Exit::link_closed || exit == Exit::unusable) return exit;
+      if (exit != Exit::done && exit != Exit::refused) return exit;
       page = request.lists && exit == Exit::done ? next_page(*page, answers_) : std::nullopt;
     }
   }
@@ -332,7 +332,7 @@ Exit Console::get_parameters(const std::vector<const mission::Parameter*>& param
     const Exit exit =
         exchange({.name = "parameters.report", .arguments = {"parameter=" + parameter->name}}, timeout);
     if (exit != Exit::done) worst = exit;
-    if (exit == Exit::link_closed || exit == Exit::unusable) return exit;
+    if (exit != Exit::done && exit != Exit::refused) return exit;
   }
   return worst;
 }
@@ -389,16 +389,6 @@ void Console::tell_progress() {
   progress_shown_ = true;
 }
 
-void Console::on_transfer_order(const CommandLine& command) {
-  using Order = StationLink::TransferOrder;
-  const auto order = command.kind == CommandLine::Kind::suspend  ? Order::suspend
-                     : command.kind == CommandLine::Kind::resume ? Order::resume
-                                                                 : Order::cancel;
-  const auto known = station_.link().order_transfer(command.transfer, order);
-  if (!known) return fail(known.error());
-  if (!*known) fail(fmt::format("no transfer with id {} is in progress", to_text(command.transfer)));
-}
-
 Exit Console::session() {
   options_.json = true;
   const int flags = fcntl(STDIN_FILENO, F_GETFL);
@@ -423,7 +413,9 @@ Exit Console::script(const std::vector<ScriptStep>& steps, bool keep_going) {
     tell_step(step, end);
     if (end == StepEnd::as_expected) continue;
     ++failed;
-    exit = end == StepEnd::link_closed ? Exit::link_closed : Exit::refused;
+    exit = end == StepEnd::link_closed ? Exit::link_closed
+           : end == StepEnd::unknown   ? Exit::unknown
+                                       : Exit::refused;
     if (!keep_going || end != StepEnd::otherwise) break;
   }
   if (options_.json) {
@@ -440,9 +432,9 @@ Console::StepEnd Console::run_step(const ScriptStep& step) {
         Watch::port, [] { return false; }, deadline);
     return !open ? StepEnd::link_closed : interrupted_ ? StepEnd::interrupted : StepEnd::as_expected;
   };
-  const auto initiated = [&] {
-    const Exit exit = finish_initiation();
+  const auto end_of = [&](Exit exit) {
     if (exit == Exit::link_closed) return StepEnd::link_closed;
+    if (exit == Exit::unknown) return StepEnd::unknown;
     if (interrupted_) return StepEnd::interrupted;
     return exit == Exit::done ? StepEnd::as_expected : StepEnd::otherwise;
   };
@@ -456,13 +448,15 @@ Console::StepEnd Console::run_step(const ScriptStep& step) {
       return wait_until(monotonic_now() + std::max(left, nanoseconds(0)));
     }
     case ScriptStep::Kind::ad_on:
-      return station_.start_ad() ? initiated() : StepEnd::otherwise;
-    case ScriptStep::Kind::ad_off:
-      return station_.stop_ad() ? StepEnd::as_expected : StepEnd::otherwise;
+      return end_of(initiate(station_.start_ad()));
+    case ScriptStep::Kind::ad_off: {
+      const auto stopped = station_.stop_ad();
+      return stopped ? StepEnd::as_expected : end_of(failed(stopped.error(), Exit::refused));
+    }
     case ScriptStep::Kind::unlock:
-      return station_.unlock() ? initiated() : StepEnd::otherwise;
+      return end_of(initiate(station_.unlock()));
     case ScriptStep::Kind::set_vr:
-      return station_.set_vr(step.vr) ? initiated() : StepEnd::otherwise;
+      return end_of(initiate(station_.set_vr(step.vr)));
   }
   return StepEnd::otherwise;
 }
@@ -474,12 +468,13 @@ Console::StepEnd Console::run_telecommand_step(const ScriptStep& step) {
   const bool shows = encoded && !step.arms && !step.at && step.expectation == Expectation::completed;
   order_ = shows ? ReportOrder::of(dictionary_, *encoded) : std::nullopt;
   send(step.name, step.arguments, step.timeout, step.at, step.arms ? Sending::arming : Sending::itself);
-  const bool open =
-      failed_to_send_ || run(
-                             Watch::port, [&] { return step_judgement_.has_value(); }, std::nullopt);
+  const bool open = not_sent_ || run(
+                                     Watch::port, [&] { return step_judgement_.has_value(); }, std::nullopt);
   step_ = nullptr;
   if (!open) return StepEnd::link_closed;
-  if (failed_to_send_) return StepEnd::otherwise;
+  const bool known = not_sent_ != Exit::unknown && end_of_telecommand(false) != Exit::unknown;
+  if (!known) return StepEnd::unknown;
+  if (not_sent_) return StepEnd::otherwise;
   if (!step_judgement_) return StepEnd::interrupted;
   if (!*step_judgement_) return StepEnd::otherwise;
   if (!order_) return StepEnd::as_expected;
@@ -493,22 +488,26 @@ void Console::tell_step(const ScriptStep& step, StepEnd end) {
   const std::string_view how = end == StepEnd::as_expected   ? "as expected"
                                : end == StepEnd::otherwise   ? "NOT as expected"
                                : end == StepEnd::interrupted ? "interrupted"
+                               : end == StepEnd::unknown     ? "NOT KNOWN whether it was sent"
                                                              : "the link was closed";
   std::string expected =
       step.kind == ScriptStep::Kind::telecommand ? std::string(to_text(step.expectation)) : "";
   if (!step.failure.empty()) expected += " " + step.failure;
   if (options_.json) {
-    return write_json({{"type", "script_step"},
-                       {"line", step.line},
-                       {"text", step.text},
-                       {"expected", expected},
-                       {"success", end == StepEnd::as_expected}});
+    nlohmann::json json{{"type", "script_step"},
+                        {"line", step.line},
+                        {"text", step.text},
+                        {"expected", expected},
+                        {"success", end == StepEnd::as_expected}};
+    if (end == StepEnd::unknown) json["outcome"] = "unknown";
+    return write_json(json);
   }
   write_lines(fmt::format("line {}: {}: {}{}\n", step.line, step.text, how,
                           expected.empty() ? "" : " (expected: " + expected + ")"));
 }
 
-Exit Console::finish_initiation() {
+Exit Console::initiate(const Result<void, OrderError>& order) {
+  if (!order) return failed(order.error(), Exit::refused);
   if (!run(
           Watch::port, [&] { return !station_.ad_starting(); }, std::nullopt))
     return Exit::link_closed;
@@ -517,12 +516,12 @@ Exit Console::finish_initiation() {
 
 Exit Console::unlock() {
   quiet_telemetry_ = true;
-  return station_.unlock() ? finish_initiation() : Exit::refused;
+  return initiate(station_.unlock());
 }
 
 Exit Console::set_vr(std::uint8_t vr) {
   quiet_telemetry_ = true;
-  return station_.set_vr(vr) ? finish_initiation() : Exit::refused;
+  return initiate(station_.set_vr(vr));
 }
 
 Exit Console::clcw(std::optional<milliseconds> timeout) {
@@ -556,8 +555,7 @@ void Console::send(const std::string& name, const std::vector<std::string>& argu
   const auto sent = what == Sending::arming ? station_.arm(name, arguments, timeout, line_, release)
                     : release               ? station_.send_at(*release, name, arguments, timeout, line_)
                                             : station_.send(name, arguments, timeout, line_);
-  failed_to_send_ = !sent;
-  if (!sent) fail(sent.error());
+  not_sent_ = sent ? std::nullopt : std::optional(failed(sent.error(), Exit::unusable));
 }
 
 void Console::on_telemetry(const TelemetryReport& report) {
@@ -619,37 +617,26 @@ void Console::on_line(const std::string& line) {
   ++line_;
   const auto command = parse_command_line(line);
   if (!command) return fail(command.error());
+  if (const auto ordered = order_link(station_, *command)) {
+    if (!*ordered) fail(ordered->error());
+    return;
+  }
   switch (command->kind) {
-    case Kind::nothing:
-      return;
     case Kind::telecommand:
     case Kind::arming:
       return send(command->telecommand.name, command->telecommand.arguments, command->timeout, command->at,
                   command->kind == Kind::arming ? Sending::arming : Sending::itself);
-    case Kind::ad_on:
-      return static_cast<void>(station_.start_ad());
-    case Kind::ad_off:
-      return static_cast<void>(station_.stop_ad());
-    case Kind::unlock:
-      return static_cast<void>(station_.unlock());
-    case Kind::set_vr:
-      return static_cast<void>(station_.set_vr(command->vr));
     case Kind::clcw:
       return on_cop(station_.cop());
-    case Kind::put:
-      if (const auto put = station_.link().put(command->file, command->name, false); !put) fail(put.error());
-      return;
     case Kind::files:
       for (const cfdp::Report& report : station_.link().transfers()) write_json(to_json(report));
       return;
-    case Kind::suspend:
-    case Kind::resume:
-    case Kind::cancel:
-      return on_transfer_order(*command);
     case Kind::stats:
       return write_stats();
     case Kind::quit:
       interrupted_ = true;
+      return;
+    default:
       return;
   }
 }
@@ -719,6 +706,16 @@ void Console::write_lines(const std::string& lines) {
 void Console::fail(const std::string& message) {
   if (options_.json) return write_json({{"type", "error"}, {"line", line_}, {"message", message}});
   std::fprintf(stderr, "srfs-ground: %s\n", message.c_str());
+}
+
+void Console::fail(const OrderError& error) {
+  if (!options_.json || !error.is_unknown()) return fail(error.text);
+  write_json({{"type", "error"}, {"line", line_}, {"message", error.text}, {"outcome", "unknown"}});
+}
+
+Exit Console::failed(const OrderError& error, Exit refused) {
+  fail(error);
+  return error.is_unknown() ? Exit::unknown : refused;
 }
 
 void Console::note(const std::string& message) {

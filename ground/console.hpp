@@ -26,6 +26,7 @@ enum class Exit : int {
   refused = 1,      ///< the telecommand was rejected, failed or not answered; the retrieval is incomplete
   unusable = 2,     ///< arguments, deployment, key or port
   link_closed = 3,  ///< the other end of the link went away
+  unknown = 4,      ///< the server ended before it answered: whether it was sent is not known
 };
 
 struct ConsoleOptions {
@@ -98,7 +99,7 @@ class Console {
 
   void on_telemetry(const TelemetryReport& report);
   /// Runs until the file that was put is up.
-  [[nodiscard]] Exit follow_file(const Result<cfdp::TransactionId, std::string>& put,
+  [[nodiscard]] Exit follow_file(const Result<cfdp::TransactionId, OrderError>& put,
                                  std::optional<MonotonicTime> deadline);
   /// Shows and keeps what is about the installation. @return whether it was
   bool on_installation(const TelemetryReport& report);
@@ -116,10 +117,9 @@ class Console {
   void on_keys(suite::AssociationSet set, const std::string& why);
   void tell_progress();
   [[nodiscard]] bool files_under_way();
-  void on_transfer_order(const CommandLine& command);
-  /// Runs until the AD service is on or off.
-  [[nodiscard]] Exit finish_initiation();
-  enum class StepEnd : std::uint8_t { as_expected, otherwise, link_closed, interrupted };
+  /// Runs until the AD service that was ordered is on or off.
+  [[nodiscard]] Exit initiate(const Result<void, OrderError>& order);
+  enum class StepEnd : std::uint8_t { as_expected, otherwise, link_closed, interrupted, unknown };
   [[nodiscard]] StepEnd run_step(const ScriptStep& step);
   [[nodiscard]] StepEnd run_telecommand_step(const ScriptStep& step);
   void tell_step(const ScriptStep& step, StepEnd end);
@@ -139,6 +139,11 @@ class Console {
   void write_json(const nlohmann::json& json);
   void write_lines(const std::string& lines);
   void fail(const std::string& message);
+  void fail(const OrderError& error);
+  /// Says why, and of which exit code it is. @param refused  of an order that was refused
+  [[nodiscard]] Exit failed(const OrderError& error, Exit refused);
+  /// Of the telecommand that was followed.
+  [[nodiscard]] Exit end_of_telecommand(bool success) const;
   /// What is no failure.
   void note(const std::string& message);
   void write_stats();
@@ -150,7 +155,7 @@ class Console {
   bool interrupted_ = false;
   bool input_ended_ = false;
   bool quiet_telemetry_ = false;  // only what belongs to the telecommand is shown
-  bool failed_to_send_ = false;
+  std::optional<Exit> not_sent_;  // of the newest telecommand
   std::string input_;
   std::uint64_t line_ = 0;
   MonotonicTime next_stats_;

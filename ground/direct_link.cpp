@@ -43,52 +43,53 @@ Uplink& DirectLink::uplink_now() {
   return uplink_;
 }
 
-Result<wire::RequestId, std::string> DirectLink::send(const TelecommandOrder& order) {
+Result<wire::RequestId, OrderError> DirectLink::send(const TelecommandOrder& order) {
   if (order.ad) {
     auto made = uplink_now().make_packet(order.command);
-    if (!made) return Err(made.error());
+    if (!made) return refused(made.error());
     if (made_) made_(order, made->request, false);
     if (!ad_.request(order.number, std::move(made->packet), monotonic_now())) {
       unsent_(order);
-      return Err(std::string("too many telecommands are waiting for the AD service"));
+      return refused("too many telecommands are waiting for the AD service");
     }
     return made->request;
   }
   const auto telecommand = uplink_now().make(order.command, order.keys);
-  if (!telecommand) return Err(telecommand.error());
+  if (!telecommand) return refused(telecommand.error());
   if (made_) made_(order, telecommand->request, false);
   if (const auto written = write_line(telecommand->cltu); !written) {
     unsent_(order);
-    return Err(written.error());
+    return refused(written.error());
   }
   return telecommand->request;
 }
 
-Result<TelecommandPacket, std::string> DirectLink::make_packet(const TelecommandOrder& order) {
+Result<TelecommandPacket, OrderError> DirectLink::make_packet(const TelecommandOrder& order) {
   auto made = uplink_now().make_packet(order.command);
-  if (made && made_) made_(order, made->request, true);
-  return made;
+  if (!made) return refused(made.error());
+  if (made_) made_(order, made->request, true);
+  return std::move(*made);
 }
 
-Result<void, std::string> DirectLink::start_ad() {
+Result<void, OrderError> DirectLink::start_ad() {
   ad_.start(monotonic_now());
   handle_ad();
   return {};
 }
 
-Result<void, std::string> DirectLink::stop_ad() {
+Result<void, OrderError> DirectLink::stop_ad() {
   ad_.stop(monotonic_now());
   handle_ad();
   return {};
 }
 
-Result<void, std::string> DirectLink::unlock() {
+Result<void, OrderError> DirectLink::unlock() {
   ad_.unlock(monotonic_now());
   handle_ad();
   return {};
 }
 
-Result<void, std::string> DirectLink::set_vr(std::uint8_t vr) {
+Result<void, OrderError> DirectLink::set_vr(std::uint8_t vr) {
   ad_.set_vr(vr, monotonic_now());
   handle_ad();
   return {};
@@ -183,12 +184,12 @@ void DirectLink::follow_counters(const TelemetryReport& beacon) {
   const auto spi = static_cast<std::uint16_t>(*number("sdls_spi.bd"));
   const auto set = uplink_.set_of(spi);
   if (!set) return;
-  if (const auto selected = select_keys(*set, "the beacon"); !selected) report_problem(selected.error());
+  if (const auto selected = select_keys(*set, "the beacon"); !selected) report_problem(selected.error().text);
 }
 
-Result<void, std::string> DirectLink::select_keys(suite::AssociationSet set, const std::string& why) {
+Result<void, OrderError> DirectLink::select_keys(suite::AssociationSet set, const std::string& why) {
   const auto changed = uplink_.select(set);
-  if (!changed) return Err(changed.error());
+  if (!changed) return refused(changed.error());
   if (*changed && output_.keys) output_.keys(set, why);
   return {};
 }
@@ -199,16 +200,18 @@ void DirectLink::carry_files(std::unique_ptr<cfdp::TransferFolders> transfer_fol
   files_->on_contact(monotonic_now());
 }
 
-Result<cfdp::TransactionId, std::string> DirectLink::put(const std::filesystem::path& file,
-                                                         const std::string& name, bool resume) {
-  return resume ? put_or_resume(*files_, file, name) : put_file(*files_, file, name);
+Result<cfdp::TransactionId, OrderError> DirectLink::put(const std::filesystem::path& file,
+                                                        const std::string& name, bool resume) {
+  const auto put = resume ? put_or_resume(*files_, file, name) : put_file(*files_, file, name);
+  if (!put) return refused(put.error());
+  return *put;
 }
 
 std::vector<cfdp::Report> DirectLink::transfers() const {
   return files_ == nullptr ? std::vector<cfdp::Report>{} : files_->entity().transactions();
 }
 
-Result<bool, std::string> DirectLink::order_transfer(cfdp::TransactionId id, TransferOrder order) {
+Result<bool, OrderError> DirectLink::order_transfer(cfdp::TransactionId id, TransferOrder order) {
   if (files_ == nullptr) return false;
   const MonotonicTime now = monotonic_now();
   switch (order) {

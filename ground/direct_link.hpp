@@ -43,23 +43,22 @@ class DirectLink final : public StationLink {
   void replace_port(Port port);
   [[nodiscard]] suite::AssociationSet key_set() const { return uplink_.key_set(); }
 
-  [[nodiscard]] Result<wire::RequestId, std::string> send(const TelecommandOrder& order) override;
-  [[nodiscard]] Result<TelecommandPacket, std::string> make_packet(const TelecommandOrder& order) override;
+  [[nodiscard]] Result<wire::RequestId, OrderError> send(const TelecommandOrder& order) override;
+  [[nodiscard]] Result<TelecommandPacket, OrderError> make_packet(const TelecommandOrder& order) override;
   void settle() override { handle_ad(); }
-  [[nodiscard]] Result<void, std::string> start_ad() override;
-  [[nodiscard]] Result<void, std::string> stop_ad() override;
-  [[nodiscard]] Result<void, std::string> unlock() override;
-  [[nodiscard]] Result<void, std::string> set_vr(std::uint8_t vr) override;
+  [[nodiscard]] Result<void, OrderError> start_ad() override;
+  [[nodiscard]] Result<void, OrderError> stop_ad() override;
+  [[nodiscard]] Result<void, OrderError> unlock() override;
+  [[nodiscard]] Result<void, OrderError> set_vr(std::uint8_t vr) override;
   [[nodiscard]] CopReport cop() const override { return ad_.report(); }
-  [[nodiscard]] Result<void, std::string> select_keys(suite::AssociationSet set,
-                                                      const std::string& why) override;
+  [[nodiscard]] Result<void, OrderError> select_keys(suite::AssociationSet set,
+                                                     const std::string& why) override;
   [[nodiscard]] std::uint8_t vc() const override { return uplink_.vc(); }
   [[nodiscard]] bool carries_files() const override { return files_ != nullptr; }
-  [[nodiscard]] Result<cfdp::TransactionId, std::string> put(const std::filesystem::path& file,
-                                                             const std::string& name, bool resume) override;
+  [[nodiscard]] Result<cfdp::TransactionId, OrderError> put(const std::filesystem::path& file,
+                                                            const std::string& name, bool resume) override;
   [[nodiscard]] std::vector<cfdp::Report> transfers() const override;
-  [[nodiscard]] Result<bool, std::string> order_transfer(cfdp::TransactionId id,
-                                                         TransferOrder order) override;
+  [[nodiscard]] Result<bool, OrderError> order_transfer(cfdp::TransactionId id, TransferOrder order) override;
   [[nodiscard]] int fd() const override { return port_.fd(); }
   [[nodiscard]] Result<void, std::string> on_readable() override;
   [[nodiscard]] Result<void, std::string> on_time() override;

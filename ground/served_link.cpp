@@ -143,30 +143,33 @@ std::vector<nlohmann::json> ServerConnection::take_messages() {
   return messages;
 }
 
-Result<nlohmann::json, ServerConnection::Failure> ServerConnection::call(nlohmann::json message) {
+Result<void, OrderError> ServerConnection::hand_over(const std::string& message) {
   const MonotonicTime deadline = monotonic_now() + reply_patience;
-  while (!socket_ && monotonic_now() < deadline) {
-    if (const auto sought = seek(monotonic_now()); !sought)
-      return Err(Failure{CallError::refused, sought.error()});
-    if (!socket_) static_cast<void>(::poll(nullptr, 0, static_cast<int>(seek_period.count())));
+  while (true) {
+    if (socket_ && send_message(socket_.get(), message) == SendResult::sent) return {};
+    lose(monotonic_now());
+    if (monotonic_now() >= deadline) return refused("the server has ended, and no other is there");
+    static_cast<void>(::poll(nullptr, 0, static_cast<int>(seek_period.count())));
+    if (const auto sought = seek(monotonic_now()); !sought) return refused(sought.error());
   }
-  if (!socket_) return Err(Failure{CallError::refused, "the server has ended, and no other is there"});
+}
+
+Result<nlohmann::json, OrderError> ServerConnection::call(nlohmann::json message) {
   const std::uint64_t number = next_call_++;
   message["call"] = number;
-  if (send_message(socket_.get(), serve::text_of(message)) != SendResult::sent) {
-    lose(monotonic_now());
-    return Err(Failure{CallError::unknown, "the server ended"});
-  }
+  if (const auto handed = hand_over(serve::text_of(message)); !handed) return Err(handed.error());
   while (auto received = receive(monotonic_now() + reply_patience)) {
     if ((*received)["type"] != "reply" || !received->contains("call") || (*received)["call"] != number) {
       if (pending_.size() < pending_max) pending_.push_back(std::move(*received));
       continue;
     }
-    if (received->contains("error")) return Err(Failure{CallError::refused, text(*received, "error")});
-    return std::move(*received);
+    if (!received->contains("error")) return std::move(*received);
+    const std::string why = text(*received, "error");
+    if (received->value("unknown", false)) return not_known(why);
+    return refused(why);
   }
   lose(monotonic_now());
-  return Err(Failure{CallError::unknown, "the server ended before it answered"});
+  return not_known("the server ended before it answered");
 }
 
 Result<void, std::string> ServerConnection::seek(MonotonicTime now) {
@@ -214,26 +217,26 @@ std::string ServedLink::new_token() {
   return fmt::format("{}-{}", token_, tokens_++);
 }
 
-Result<nlohmann::json, ServerConnection::Failure> ServedLink::call(nlohmann::json message) {
+Result<nlohmann::json, OrderError> ServedLink::call(nlohmann::json message) {
   auto reply = connection_.call(std::move(message));
   resume_with_server();  // before anything of the reply counts
   return reply;
 }
 
 /// A call that may be repeated when the server ended: the next one knows by the token whether it was done.
-Result<nlohmann::json, ServerConnection::Failure> ServedLink::call_once(nlohmann::json message) {
+Result<nlohmann::json, OrderError> ServedLink::call_once(nlohmann::json message) {
   constexpr int servers_max = 5;
   auto reply = call(message);
   message["again"] = true;
   for (int servers = 1; servers < servers_max && !reply; ++servers) {
-    if (reply.error().error != ServerConnection::CallError::unknown) break;
+    if (!reply.error().is_unknown()) break;
     if (!connection_.welcome().value("archive", false)) break;
     reply = call(message);
   }
   return reply;
 }
 
-Result<wire::RequestId, std::string> ServedLink::send(const TelecommandOrder& order) {
+Result<wire::RequestId, OrderError> ServedLink::send(const TelecommandOrder& order) {
   nlohmann::json message = described(order.command);
   message["type"] = "send";
   message["arguments"] = order.arguments;
@@ -241,67 +244,69 @@ Result<wire::RequestId, std::string> ServedLink::send(const TelecommandOrder& or
   message["ad"] = order.ad;
   message["token"] = order.token.empty() ? new_token() : order.token;
   const auto reply = call_once(message);
-  if (!reply) {
-    if (reply.error().error == ServerConnection::CallError::refused) return Err(reply.error().text);
-    return Err(fmt::format("{}: {}; it is not known whether it was sent", order.command.command->name,
-                           reply.error().text));
-  }
+  if (!reply && reply.error().is_unknown())
+    return not_known(fmt::format("{}: it is not known whether it was sent: {}", order.command.command->name,
+                                 reply.error().text));
+  if (!reply) return Err(reply.error());
   if (order.ad) (reply->value("known", false) ? orphans_ : in_ad_).insert(order.number);
   return serve::request_of(reply->at("request"));
 }
 
-Result<TelecommandPacket, std::string> ServedLink::make_packet(const TelecommandOrder& order) {
+Result<TelecommandPacket, OrderError> ServedLink::make_packet(const TelecommandOrder& order) {
   nlohmann::json message = described(order.command);
   message["type"] = "packet";
   message["arguments"] = order.arguments;
   message["token"] = new_token();
   const auto reply = call(std::move(message));
-  if (!reply) return Err(reply.error().text);
+  if (!reply) return refused(reply.error().text + "; nothing was sent");
   return TelecommandPacket{serve::request_of(reply->at("request")), serve::octets_of(reply->at("packet"))};
 }
 
-Result<void, std::string> ServedLink::order_ad(nlohmann::json message) {
+Result<void, OrderError> ServedLink::order_ad(nlohmann::json message) {
   const auto reply = call(std::move(message));
-  if (!reply) return Err(reply.error().text);
-  return take_messages();
+  if (!reply) return Err(reply.error());
+  if (const auto taken = take_messages(); !taken) return refused(taken.error());
+  return {};
 }
 
-Result<void, std::string> ServedLink::select_keys(suite::AssociationSet set, const std::string& why) {
+Result<void, OrderError> ServedLink::select_keys(suite::AssociationSet set, const std::string& why) {
   const auto reply = call({{"type", "select_keys"}, {"keys", to_text(set)}, {"why", why}});
-  if (!reply) return Err(reply.error().text);
+  if (!reply) return Err(reply.error());
   return {};
 }
 
-Result<void, std::string> ServedLink::fill_gaps() {
+Result<void, OrderError> ServedLink::fill_gaps() {
   const auto reply = call({{"type", "fill_gaps"}});
-  if (!reply) return Err(reply.error().text);
+  if (!reply) return Err(reply.error());
   return {};
 }
 
-Result<void, std::string> ServedLink::acknowledge(std::int64_t event, const std::string& who) {
+Result<void, OrderError> ServedLink::acknowledge(std::int64_t event, const std::string& who) {
   const auto reply = call({{"type", "acknowledge"}, {"id", event}, {"who", who}});
-  if (!reply) return Err(reply.error().text);
+  if (!reply) return Err(reply.error());
   return {};
 }
 
-Result<cfdp::TransactionId, std::string> ServedLink::put(const std::filesystem::path& file,
-                                                         const std::string& name, bool resume) {
+Result<cfdp::TransactionId, OrderError> ServedLink::put(const std::filesystem::path& file,
+                                                        const std::string& name, bool resume) {
   std::error_code error;
   const auto absolute = std::filesystem::absolute(file, error);
   const auto reply = call({{"type", "put"}, {"file", absolute.string()}, {"name", name}, {"resume", resume}});
-  if (!reply) return Err(reply.error().text);
+  if (!reply && reply.error().is_unknown())
+    return not_known(fmt::format("{}: it is not known whether it goes up: {}", name, reply.error().text));
+  if (!reply) return Err(reply.error());
   transfers_ = serve::transfers_of(reply->at("transfers"));
   const auto id = parse_transaction(reply->at("id").get<std::string>());
-  if (!id) return Err(std::string("the server gave no id of the transfer"));
+  if (!id) return not_known("the server gave no id of the transfer");
   return *id;
 }
 
-Result<bool, std::string> ServedLink::order_transfer(cfdp::TransactionId id, TransferOrder order) {
+Result<bool, OrderError> ServedLink::order_transfer(cfdp::TransactionId id, TransferOrder order) {
   const char* const type = order == TransferOrder::suspend  ? "suspend"
                            : order == TransferOrder::resume ? "resume"
                                                             : "cancel";
   const auto reply = call({{"type", type}, {"id", to_text(id)}});
-  if (!reply) return Err(reply.error().text);
+  if (!reply) return Err(reply.error());
   transfers_ = serve::transfers_of(reply->at("transfers"));
   return reply->at("known").get<bool>();
 }

@@ -45,16 +45,8 @@ class ServerConnection {
   [[nodiscard]] std::vector<nlohmann::json> take_messages();
   [[nodiscard]] bool has_pending() const { return !pending_.empty(); }
 
-  enum class CallError : std::uint8_t {
-    unknown,  ///< the server ended: whether it did what was asked is not known
-    refused,  ///< the text says why
-  };
-  struct Failure {
-    CallError error;
-    std::string text;  ///< ready to print
-  };
   /// Waits for the reply, and for a server if there is none, but not longer than reply_patience each.
-  [[nodiscard]] Result<nlohmann::json, Failure> call(nlohmann::json message);
+  [[nodiscard]] Result<nlohmann::json, OrderError> call(nlohmann::json message);
 
   /// Looks for a server again, if there is none. @return an error when that has taken too long
   [[nodiscard]] Result<void, std::string> seek(MonotonicTime now);
@@ -73,6 +65,8 @@ class ServerConnection {
   /// What the next server is to know of a message that came.
   void follow(const nlohmann::json& message);
   void lose(MonotonicTime now);
+  /// Sends to the server, or to the next one: a message is taken whole or not at all.
+  [[nodiscard]] Result<void, OrderError> hand_over(const std::string& message);
 
   std::filesystem::path path_;
   Hello hello_;
@@ -93,29 +87,28 @@ class ServedLink final : public StationLink {
   /// @param files  whether files are carried for this user
   ServedLink(ServerConnection connection, bool files);
 
-  [[nodiscard]] Result<wire::RequestId, std::string> send(const TelecommandOrder& order) override;
-  [[nodiscard]] Result<TelecommandPacket, std::string> make_packet(const TelecommandOrder& order) override;
+  [[nodiscard]] Result<wire::RequestId, OrderError> send(const TelecommandOrder& order) override;
+  [[nodiscard]] Result<TelecommandPacket, OrderError> make_packet(const TelecommandOrder& order) override;
   void settle() override {}
-  [[nodiscard]] Result<void, std::string> start_ad() override { return order_ad({{"type", "start_ad"}}); }
-  [[nodiscard]] Result<void, std::string> stop_ad() override { return order_ad({{"type", "stop_ad"}}); }
-  [[nodiscard]] Result<void, std::string> unlock() override { return order_ad({{"type", "unlock"}}); }
-  [[nodiscard]] Result<void, std::string> set_vr(std::uint8_t vr) override {
+  [[nodiscard]] Result<void, OrderError> start_ad() override { return order_ad({{"type", "start_ad"}}); }
+  [[nodiscard]] Result<void, OrderError> stop_ad() override { return order_ad({{"type", "stop_ad"}}); }
+  [[nodiscard]] Result<void, OrderError> unlock() override { return order_ad({{"type", "unlock"}}); }
+  [[nodiscard]] Result<void, OrderError> set_vr(std::uint8_t vr) override {
     return order_ad({{"type", "set_vr"}, {"vr", vr}});
   }
   [[nodiscard]] CopReport cop() const override { return cop_; }
-  [[nodiscard]] Result<void, std::string> select_keys(suite::AssociationSet set,
-                                                      const std::string& why) override;
+  [[nodiscard]] Result<void, OrderError> select_keys(suite::AssociationSet set,
+                                                     const std::string& why) override;
   [[nodiscard]] std::uint8_t vc() const override { return vc_; }
   [[nodiscard]] bool carries_files() const override { return files_; }
-  [[nodiscard]] Result<cfdp::TransactionId, std::string> put(const std::filesystem::path& file,
-                                                             const std::string& name, bool resume) override;
+  [[nodiscard]] Result<cfdp::TransactionId, OrderError> put(const std::filesystem::path& file,
+                                                            const std::string& name, bool resume) override;
   [[nodiscard]] std::vector<cfdp::Report> transfers() const override { return transfers_; }
-  [[nodiscard]] Result<bool, std::string> order_transfer(cfdp::TransactionId id,
-                                                         TransferOrder order) override;
+  [[nodiscard]] Result<bool, OrderError> order_transfer(cfdp::TransactionId id, TransferOrder order) override;
   /// From now on the server fills gaps of its archive.
-  [[nodiscard]] Result<void, std::string> fill_gaps();
+  [[nodiscard]] Result<void, OrderError> fill_gaps();
   /// Notes in the archive that an event was seen. @param event  its number there
-  [[nodiscard]] Result<void, std::string> acknowledge(std::int64_t event, const std::string& who);
+  [[nodiscard]] Result<void, OrderError> acknowledge(std::int64_t event, const std::string& who);
   /// Why the server records nothing now; empty: it does.
   [[nodiscard]] const std::string& archive_problem() const { return archive_problem_; }
   /// Whether the server had the line when it was found.
@@ -130,7 +123,7 @@ class ServedLink final : public StationLink {
   [[nodiscard]] std::uint64_t telecommands_sent() const override { return sent_; }
 
  private:
-  [[nodiscard]] Result<void, std::string> order_ad(nlohmann::json message);
+  [[nodiscard]] Result<void, OrderError> order_ad(nlohmann::json message);
   /// @return an error when the line was closed
   [[nodiscard]] Result<void, std::string> take_messages();
   [[nodiscard]] Result<void, std::string> take(const nlohmann::json& message);
@@ -139,14 +132,14 @@ class ServedLink final : public StationLink {
   void take_state(const nlohmann::json& message);
   void take_cop(const CopReport& report);
   /// Makes a call; all that is made go this way.
-  [[nodiscard]] Result<nlohmann::json, ServerConnection::Failure> call(nlohmann::json message);
+  [[nodiscard]] Result<nlohmann::json, OrderError> call(nlohmann::json message);
   /// If another server was found: what this one knows counts from now on. Reports nothing yet.
   void resume_with_server();
   /// Reports what went with the server before.
   void tell_resumed();
   void end_transfers(const std::vector<cfdp::Report>& before);
   [[nodiscard]] std::string new_token();
-  [[nodiscard]] Result<nlohmann::json, ServerConnection::Failure> call_once(nlohmann::json message);
+  [[nodiscard]] Result<nlohmann::json, OrderError> call_once(nlohmann::json message);
 
   ServerConnection connection_;
   bool files_;

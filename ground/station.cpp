@@ -51,28 +51,28 @@ void Station::tell_stage_of_other(StageReport report) {
   output_.stage_of_other(report);
 }
 
-Result<wire::RequestId, std::string> Station::send(const std::string& command,
-                                                   const std::vector<std::string>& arguments,
-                                                   std::optional<milliseconds> patience, std::uint64_t tag,
-                                                   const std::string& token) {
+Result<wire::RequestId, OrderError> Station::send(const std::string& command,
+                                                  const std::vector<std::string>& arguments,
+                                                  std::optional<milliseconds> patience, std::uint64_t tag,
+                                                  const std::string& token) {
   const auto encoded = dictionary_.encode(command, arguments);
-  if (!encoded) return Err(encoded.error().message);
+  if (!encoded) return refused(encoded.error().message);
   return dispatch(*encoded, arguments, patience, tag, token, std::nullopt);
 }
 
-Result<wire::RequestId, std::string> Station::send_at(UtcTime release, const std::string& command,
-                                                      const std::vector<std::string>& arguments,
-                                                      std::optional<milliseconds> patience, std::uint64_t tag,
-                                                      const std::string& token) {
+Result<wire::RequestId, OrderError> Station::send_at(UtcTime release, const std::string& command,
+                                                     const std::vector<std::string>& arguments,
+                                                     std::optional<milliseconds> patience, std::uint64_t tag,
+                                                     const std::string& token) {
   const auto encoded = dictionary_.encode(command, arguments);
-  if (!encoded) return Err(encoded.error().message);
+  if (!encoded) return refused(encoded.error().message);
   const auto made = link_->make_packet({.command = *encoded, .arguments = arguments});
   if (!made) return Err(made.error());
   constexpr int decimals = 9;
   const std::vector<std::string> inserted{"release=" + to_iso8601(release, decimals),
                                           "request=" + to_hex(made->packet)};
   const auto insertion = dictionary_.encode(mission::ScheduleInsert::name, inserted);
-  if (!insertion) return Err(insertion.error().message);
+  if (!insertion) return refused(insertion.error().message);
   const auto left = std::chrono::ceil<milliseconds>(release - system_utc_now());
   const milliseconds wait =
       std::max(left, milliseconds(0)) + patience.value_or(encoded->command->timeout + report_margin);
@@ -92,20 +92,21 @@ void Station::on_insertion(const StageReport& report, MonotonicTime now) {
   const wire::RequestId telecommand = insertions_.at(report.request);
   if (!report.is_final()) return;
   insertions_.erase(report.request);
-  if (report.outcome == Outcome::timed_out) return;  // it may be there all the same
+  const bool may_be_there = report.outcome == Outcome::timed_out || report.outcome == Outcome::unknown;
+  if (may_be_there) return;
   const auto inserted = commanding_.on_inserted(telecommand, report.is_completed(), now);
   if (inserted && output_.stage) output_.stage(*inserted);
 }
 
-Result<wire::RequestId, std::string> Station::dispatch(const mission::EncodedCommand& encoded,
-                                                       const std::vector<std::string>& arguments,
-                                                       std::optional<milliseconds> patience,
-                                                       std::uint64_t tag, const std::string& token,
-                                                       const std::optional<Scheduled>& scheduled) {
+Result<wire::RequestId, OrderError> Station::dispatch(const mission::EncodedCommand& encoded,
+                                                      const std::vector<std::string>& arguments,
+                                                      std::optional<milliseconds> patience, std::uint64_t tag,
+                                                      const std::string& token,
+                                                      const std::optional<Scheduled>& scheduled) {
   const bool retrieves = encoded.command->service == mission::StorageRetrieve::service &&
                          encoded.command->subtype == mission::StorageRetrieve::subtype;
   if (retrieves && retrievals_.size() == max_retrievals)
-    return Err(std::string("too many retrievals are in progress"));
+    return refused("too many retrievals are in progress");
   const milliseconds wait = patience.value_or(encoded.command->timeout + report_margin);
   if (encoded.command->name == mission::TtcSelectKeys::name &&
       asked_keys_.size() < Commanding::max_outstanding) {
@@ -132,36 +133,15 @@ Result<wire::RequestId, std::string> Station::dispatch(const mission::EncodedCom
   return request;
 }
 
-Result<wire::RequestId, std::string> Station::arm(const std::string& command,
-                                                  const std::vector<std::string>& arguments,
-                                                  std::optional<milliseconds> patience, std::uint64_t tag,
-                                                  std::optional<UtcTime> release) {
+Result<wire::RequestId, OrderError> Station::arm(const std::string& command,
+                                                 const std::vector<std::string>& arguments,
+                                                 std::optional<milliseconds> patience, std::uint64_t tag,
+                                                 std::optional<UtcTime> release) {
   const auto encoded = dictionary_.encode(command, arguments);
-  if (!encoded) return Err(encoded.error().message);
+  if (!encoded) return refused(encoded.error().message);
   const TelecommandText arming = arming_of(*encoded);
   return release ? send_at(*release, arming.name, arming.arguments, patience, tag)
                  : send(arming.name, arming.arguments, patience, tag);
-}
-
-bool Station::ordered(const Result<void, std::string>& order) {
-  if (!order && output_.problem) output_.problem(order.error());
-  return order.has_value();
-}
-
-bool Station::start_ad() {
-  return ordered(link_->start_ad());
-}
-
-bool Station::stop_ad() {
-  return ordered(link_->stop_ad());
-}
-
-bool Station::unlock() {
-  return ordered(link_->unlock());
-}
-
-bool Station::set_vr(std::uint8_t vr) {
-  return ordered(link_->set_vr(vr));
 }
 
 void Station::on_ad(std::uint64_t number, AdProgress progress) {
@@ -185,8 +165,7 @@ void Station::on_ad(std::uint64_t number, AdProgress progress) {
       return end_ad(found, Outcome::not_sent, "the AD service ended before the telecommand was transmitted");
     case AdProgress::unknown:
       if (telecommand.transmitted) return end_ad(found, std::nullopt, "");
-      return end_ad(found, Outcome::timed_out,
-                    "the server ended; whether the telecommand was transmitted is not known");
+      return end_ad(found, Outcome::unknown, "it is not known whether it was sent: the server ended");
   }
 }
 
@@ -239,8 +218,10 @@ void Station::on_stage(const StageReport& stage, MonotonicTime now) {
   for (auto& retrieval : retrievals_) retrieval.on_stage(report, now);
   if (const auto asked = asked_keys_.find(report.tag); asked != asked_keys_.end() && report.is_final()) {
     // Even if it could not be stored, it holds until the spacecraft's next restart; the beacon shows it.
-    if (report.is_completed())
-      static_cast<void>(ordered(link_->select_keys(asked->second, "ttc.select_keys")));
+    if (report.is_completed()) {
+      const auto selected = link_->select_keys(asked->second, "ttc.select_keys");
+      if (!selected && output_.problem) output_.problem(selected.error().text);
+    }
     asked_keys_.erase(report.tag);
   }
   end_retrievals(now);

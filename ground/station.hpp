@@ -50,33 +50,32 @@ class Station {
   /// @param tag the caller's own, comes back in every report
   /// @param token  unique: an order whose answer was lost is repeated with it, and not sent again; empty: one
   /// of the link's own
-  [[nodiscard]] Result<wire::RequestId, std::string> send(const std::string& command,
-                                                          const std::vector<std::string>& arguments,
-                                                          std::optional<milliseconds> patience,
-                                                          std::uint64_t tag, const std::string& token = "");
+  /// @return an error of Kind::unknown has no stages
+  [[nodiscard]] Result<wire::RequestId, OrderError> send(const std::string& command,
+                                                         const std::vector<std::string>& arguments,
+                                                         std::optional<milliseconds> patience,
+                                                         std::uint64_t tag, const std::string& token = "");
   /// The same for a telecommand that the spacecraft releases at @p release: it goes up in an insertion into
   /// the schedule (11,4), whose stages come first, marked as such. Then its own: scheduled, and from its
   /// release on as of any other.
   /// @param patience from the release on
   /// @param token of the insertion
-  [[nodiscard]] Result<wire::RequestId, std::string> send_at(UtcTime release, const std::string& command,
-                                                             const std::vector<std::string>& arguments,
-                                                             std::optional<milliseconds> patience,
-                                                             std::uint64_t tag,
-                                                             const std::string& token = "");
+  [[nodiscard]] Result<wire::RequestId, OrderError> send_at(UtcTime release, const std::string& command,
+                                                            const std::vector<std::string>& arguments,
+                                                            std::optional<milliseconds> patience,
+                                                            std::uint64_t tag, const std::string& token = "");
   /// Sends what arms a hazardous telecommand with these arguments (see arming_of); as send, with @p release
   /// as send_at.
-  [[nodiscard]] Result<wire::RequestId, std::string> arm(const std::string& command,
-                                                         const std::vector<std::string>& arguments,
-                                                         std::optional<milliseconds> patience,
-                                                         std::uint64_t tag,
-                                                         std::optional<UtcTime> release = std::nullopt);
-  /// The AD service (see AdService); news comes through the output. @return false: it could not be ordered,
-  /// and the output has why
-  bool start_ad();
-  bool stop_ad();
-  bool unlock();
-  bool set_vr(std::uint8_t vr);
+  [[nodiscard]] Result<wire::RequestId, OrderError> arm(const std::string& command,
+                                                        const std::vector<std::string>& arguments,
+                                                        std::optional<milliseconds> patience,
+                                                        std::uint64_t tag,
+                                                        std::optional<UtcTime> release = std::nullopt);
+  /// The AD service (see AdService); news comes through the output.
+  [[nodiscard]] Result<void, OrderError> start_ad() { return link_->start_ad(); }
+  [[nodiscard]] Result<void, OrderError> stop_ad() { return link_->stop_ad(); }
+  [[nodiscard]] Result<void, OrderError> unlock() { return link_->unlock(); }
+  [[nodiscard]] Result<void, OrderError> set_vr(std::uint8_t vr) { return link_->set_vr(vr); }
   [[nodiscard]] CopReport cop() const { return link_->cop(); }
   /// Telecommands of this user in the hands of the AD service.
   [[nodiscard]] std::size_t in_ad() const { return ad_telecommands_.size(); }
@@ -118,15 +117,14 @@ class Station {
     const mission::Command* command;
     milliseconds patience;
   };
-  [[nodiscard]] Result<wire::RequestId, std::string> dispatch(const mission::EncodedCommand& command,
-                                                              const std::vector<std::string>& arguments,
-                                                              std::optional<milliseconds> patience,
-                                                              std::uint64_t tag, const std::string& token,
-                                                              const std::optional<Scheduled>& scheduled);
+  [[nodiscard]] Result<wire::RequestId, OrderError> dispatch(const mission::EncodedCommand& command,
+                                                             const std::vector<std::string>& arguments,
+                                                             std::optional<milliseconds> patience,
+                                                             std::uint64_t tag, const std::string& token,
+                                                             const std::optional<Scheduled>& scheduled);
   void follow(const wire::RequestId& insertion, const std::optional<Scheduled>& scheduled, std::uint64_t tag,
               MonotonicTime now);
   void on_insertion(const StageReport& report, MonotonicTime now);
-  [[nodiscard]] bool ordered(const Result<void, std::string>& order);
   void on_ad(std::uint64_t number, AdProgress progress);
   /// The AD service is done with it. @param outcome  nullopt: its reports or its patience decide
   void end_ad(std::map<std::uint64_t, AdTelecommand>::iterator telecommand, std::optional<Outcome> outcome,

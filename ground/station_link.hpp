@@ -39,6 +39,23 @@ struct SeenTelecommand {
   bool scheduled = false;  ///< a packet for the schedule on board
 };
 
+/// Why an order has no result.
+struct OrderError {
+  enum class Kind : std::uint8_t {
+    refused,  ///< nothing was done
+    unknown,  ///< the server ended before it answered: whether it was done is not known
+  };
+  Kind kind = Kind::refused;
+  std::string text = {};  ///< ready to print
+  [[nodiscard]] bool is_unknown() const { return kind == Kind::unknown; }
+};
+[[nodiscard]] inline auto refused(std::string why) {
+  return Err(OrderError{OrderError::Kind::refused, std::move(why)});
+}
+[[nodiscard]] inline auto not_known(std::string why) {
+  return Err(OrderError{OrderError::Kind::unknown, std::move(why)});
+}
+
 /// What a link reports. Functions that are not set are not called.
 struct LinkOutput {
   std::function<void(const ReceivedPacket&)> packet;
@@ -63,8 +80,7 @@ struct TelecommandOrder {
 };
 
 /// The way to the spacecraft below telecommands and their stages: counters, keys, frames, COP-1, CFDP.
-/// DirectLink owns the line; ServedLink is a client of `srfs-ground serve`. One thread. Errors are ready to
-/// print.
+/// DirectLink owns the line; ServedLink is a client of `srfs-ground serve`. One thread.
 class StationLink {
  public:
   StationLink() = default;
@@ -76,40 +92,40 @@ class StationLink {
 
   /// Secures a telecommand and writes it, or hands it to the AD service. What the AD service does with it is
   /// reported from the next settle() on.
-  [[nodiscard]] virtual Result<wire::RequestId, std::string> send(const TelecommandOrder& order) = 0;
-  /// A packet with a sequence count of its own, for the schedule on board.
-  [[nodiscard]] virtual Result<TelecommandPacket, std::string> make_packet(const TelecommandOrder& order) = 0;
+  [[nodiscard]] virtual Result<wire::RequestId, OrderError> send(const TelecommandOrder& order) = 0;
+  /// A packet with a sequence count of its own, for the schedule on board. Without it nothing goes up: no
+  /// error is Kind::unknown.
+  [[nodiscard]] virtual Result<TelecommandPacket, OrderError> make_packet(const TelecommandOrder& order) = 0;
   /// Reports what is waiting to be reported. After each order.
   virtual void settle() = 0;
 
   // The AD service (see AdService). The error: it cannot be ordered now.
-  [[nodiscard]] virtual Result<void, std::string> start_ad() = 0;
-  [[nodiscard]] virtual Result<void, std::string> stop_ad() = 0;
-  [[nodiscard]] virtual Result<void, std::string> unlock() = 0;
-  [[nodiscard]] virtual Result<void, std::string> set_vr(std::uint8_t vr) = 0;
+  [[nodiscard]] virtual Result<void, OrderError> start_ad() = 0;
+  [[nodiscard]] virtual Result<void, OrderError> stop_ad() = 0;
+  [[nodiscard]] virtual Result<void, OrderError> unlock() = 0;
+  [[nodiscard]] virtual Result<void, OrderError> set_vr(std::uint8_t vr) = 0;
   /// Phase off: telecommands of this user go as BD frames.
   [[nodiscard]] virtual CopReport cop() const = 0;
 
   /// ttc.select_keys was completed, or the operator orders it.
-  [[nodiscard]] virtual Result<void, std::string> select_keys(suite::AssociationSet set,
-                                                              const std::string& why) = 0;
+  [[nodiscard]] virtual Result<void, OrderError> select_keys(suite::AssociationSet set,
+                                                             const std::string& why) = 0;
   /// The telecommand channel.
   [[nodiscard]] virtual std::uint8_t vc() const = 0;
 
   [[nodiscard]] virtual bool carries_files() const = 0;
   /// @param resume the same octets under way by this name go on
-  [[nodiscard]] virtual Result<cfdp::TransactionId, std::string> put(const std::filesystem::path& file,
-                                                                     const std::string& name,
-                                                                     bool resume) = 0;
+  [[nodiscard]] virtual Result<cfdp::TransactionId, OrderError> put(const std::filesystem::path& file,
+                                                                    const std::string& name, bool resume) = 0;
   [[nodiscard]] virtual std::vector<cfdp::Report> transfers() const = 0;
   enum class TransferOrder : std::uint8_t { suspend, resume, cancel };
-  /// @return whether there is such a transfer; an error: that is not known
-  [[nodiscard]] virtual Result<bool, std::string> order_transfer(cfdp::TransactionId id,
-                                                                 TransferOrder order) = 0;
+  /// @return whether there is such a transfer
+  [[nodiscard]] virtual Result<bool, OrderError> order_transfer(cfdp::TransactionId id,
+                                                                TransferOrder order) = 0;
 
   /// For poll(2); -1: nothing to wait for but on_time().
   [[nodiscard]] virtual int fd() const = 0;
-  /// Reads what is there and reports it. An error: the link is gone.
+  /// Reads what is there and reports it. An error, ready to print: the link is gone.
   [[nodiscard]] virtual Result<void, std::string> on_readable() = 0;
   /// Does what is due. An error: the link is gone.
   [[nodiscard]] virtual Result<void, std::string> on_time() = 0;

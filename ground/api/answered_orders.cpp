@@ -35,7 +35,7 @@ void AnsweredOrders::end(const std::string& key, const HttpResponse& answer) {
   const auto found = orders_.find(key);
   if (found == orders_.end()) return;
   const bool carried_out = answer.status >= 200 && answer.status < 300;
-  if (carried_out) {
+  if (carried_out || answer.status == unknown_outcome) {
     found->second.answer = answer;
     kept_.push_back(key);
   } else {

@@ -16,8 +16,9 @@
 namespace srfs::ground::api {
 
 /// Orders with an Idempotency-Key: one whose answer was lost is repeated with its key, and is answered again
-/// instead of carried out again. Bounded: the newest kept_max orders that were carried out; the oldest is
-/// forgotten first. Refused orders are not kept: nothing was done, so they may be tried again. Any thread.
+/// instead of carried out again. Bounded: the newest kept_max orders that were, or may have been, carried
+/// out; the oldest is forgotten first. Refused orders are not kept: nothing was done, so they may be tried
+/// again. Any thread.
 class AnsweredOrders {
  public:
   static constexpr std::size_t kept_max = 1024;

@@ -244,7 +244,7 @@ HttpResponse Api::answer_once(const HttpRequest& request, const Found& found) {
     return error_response(400, fmt::format("'Idempotency-Key': expected {} to {} letters, digits, '-' or '_'",
                                            AnsweredOrders::key_octets_min, AnsweredOrders::key_octets_max));
   if (const auto known = answered_.begin(key, digest_of(request), HttpServer::write_patience)) return *known;
-  HttpResponse response = error_response(500, "the request has failed");
+  HttpResponse response = unknown_response("the request has failed; whether it was carried out is not known");
   try {
     response = answer_route(request, found);
   } catch (...) {
@@ -294,7 +294,7 @@ HttpResponse Api::answer_route(const HttpRequest& request, const Found& found) {
     case Endpoint::fill_gaps:
       return gateway_.order([this] {
         const auto done = gateway_.link().fill_gaps();
-        return done ? json_response(202, {{"filling", true}}) : error_response(409, done.error());
+        return done ? json_response(202, {{"filling", true}}) : failure_response(done.error(), 409);
       });
     case Endpoint::order_cop:
       return post_cop(request.body);
@@ -498,7 +498,7 @@ HttpResponse Api::post_uplink(const HttpRequest& request) {
   if (!written) return error_response(503, written.error().message);
   HttpResponse response = gateway_.order([&] {
     const auto put = gateway_.link().put(file, name, false);
-    return put ? json_response(202, {{"id", to_text(*put)}}) : gateway_.refusal(put.error());
+    return put ? json_response(202, {{"id", to_text(*put)}}) : gateway_.failure(put.error());
   });
   std::filesystem::remove(file, error);
   return response;
@@ -518,7 +518,7 @@ HttpResponse Api::post_transfer(const std::string& id, const std::string& body) 
   if (!what) return error_response(400, "'order': expected suspend, resume or cancel");
   return gateway_.order([&] {
     const auto known = gateway_.link().order_transfer(*transaction, *what);
-    if (!known) return gateway_.refusal(known.error());
+    if (!known) return gateway_.failure(known.error());
     if (!*known) return error_response(404, "no such transfer is under way");
     return json_response(202, {{"id", id}});
   });
@@ -556,12 +556,12 @@ HttpResponse Api::post_cop(const std::string& body) {
                                       "true ends it all the same",
                                       waiting)},
                 {"under_way", waiting}});
-    Result<void, std::string> done;
+    Result<void, OrderError> done;
     if (order == "ad_off") done = link.stop_ad();
     if (order == "ad_on") done = link.start_ad();
     if (order == "unlock") done = link.unlock();
     if (sets) done = link.set_vr(static_cast<std::uint8_t>(vr.get<std::uint64_t>()));
-    return done ? json_response(202, {{"cop", to_json(link.cop())}}) : gateway_.refusal(done.error());
+    return done ? json_response(202, {{"cop", to_json(link.cop())}}) : gateway_.failure(done.error());
   });
 }
 
@@ -574,7 +574,7 @@ HttpResponse Api::post_keys(const std::string& body) {
     return error_response(400, "'keys': expected a or b");
   return gateway_.order([&] {
     const auto done = gateway_.link().select_keys(*set, "ordered by the web");
-    return done ? json_response(202, {{"keys", to_text(*set)}}) : gateway_.refusal(done.error());
+    return done ? json_response(202, {{"keys", to_text(*set)}}) : gateway_.failure(done.error());
   });
 }
 
@@ -593,7 +593,7 @@ HttpResponse Api::post_acknowledge(const std::string& id, const std::string& bod
   }
   return gateway_.order([&] {
     const auto done = gateway_.link().acknowledge(*number, who);
-    return done ? json_response(200, {{"id", *number}, {"who", who}}) : error_response(409, done.error());
+    return done ? json_response(200, {{"id", *number}, {"who", who}}) : failure_response(done.error(), 409);
   });
 }
 

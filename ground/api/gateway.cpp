@@ -219,13 +219,19 @@ void Gateway::carry_out_orders() {
   }
 }
 
-HttpResponse Gateway::refusal(const std::string& why) {
-  return error_response(line_open_ && link_->fd() >= 0 ? 409 : 503, why);
+HttpResponse failure_response(const OrderError& error, int refused) {
+  return error.is_unknown() ? unknown_response(error.text) : error_response(refused, error.text);
+}
+
+HttpResponse Gateway::failure(const OrderError& error) {
+  return failure_response(error, line_open_ && link_->fd() >= 0 ? 409 : 503);
 }
 
 HttpResponse Gateway::dispatch(const TelecommandRequest& order, const std::string& token) {
-  if (order.ad && link_->cop().phase == AdPhase::off && !station_->start_ad())
-    return refusal("the AD service did not start");
+  if (order.ad && link_->cop().phase == AdPhase::off) {
+    const auto started = station_->start_ad();
+    if (!started) return failure({OrderError::Kind::refused, started.error().text + "; nothing was sent"});
+  }
   const std::uint64_t tag = next_tag_++;
   if (followed_.size() >= followed_max) followed_.erase(followed_.begin());
   followed_[tag] = token;
@@ -234,7 +240,7 @@ HttpResponse Gateway::dispatch(const TelecommandRequest& order, const std::strin
                              : station_->send(order.name, order.arguments, std::nullopt, tag, order.token);
   if (!sent) {
     followed_.erase(tag);
-    return refusal(sent.error());
+    return failure(sent.error());
   }
   return json_response(202, {{"token", token}, {"id", request_text(*sent)}});
 }
@@ -254,12 +260,12 @@ HttpResponse Gateway::send(const TelecommandRequest& order) {
   const auto armed = station_->arm(order.name, order.arguments, std::nullopt, tag);
   if (!armed) {
     armings_.erase(tag);
-    return refusal(armed.error());
+    return failure({OrderError::Kind::refused, armed.error().text + "; " + order.name + " was not sent"});
   }
   return json_response(202, {{"token", token}, {"id", nullptr}, {"arming", request_text(*armed)}});
 }
 
-/// Telecommands whose arming has ended: they are sent, or said not to be.
+/// Telecommands whose arming has ended: they are sent, or the stream says why not, or that it is not known.
 void Gateway::send_armed() {
   std::vector<Arming> ended;
   std::erase_if(armings_, [&ended](const auto& each) {
@@ -268,16 +274,18 @@ void Gateway::send_armed() {
   });
   for (const Arming& arming : ended) {
     std::string why = "it could not be armed";
+    bool known = true;
     if (*arming.succeeded) {
       const HttpResponse response = dispatch(arming.order, arming.token);
       if (response.status == 202) continue;
+      known = response.status != unknown_outcome;
       why = nlohmann::json::parse(response.body, nullptr, false).value("error", why);
     }
     publish({{"type", "tc_stage"},
              {"id", nullptr},
              {"command", arming.order.name},
              {"token", arming.token},
-             {"stage", "not_sent"},
+             {"stage", known ? "not_sent" : "unknown"},
              {"success", false},
              {"final", true},
              {"text", why}});

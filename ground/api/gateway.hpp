@@ -68,8 +68,8 @@ class Gateway {
   [[nodiscard]] ServedLink& link() { return *link_; }
   /// Telecommands in the hands of the AD service.
   [[nodiscard]] std::size_t in_ad() const { return station_->in_ad(); }
-  /// The answer to an order that was refused: the line is closed, or not now.
-  [[nodiscard]] HttpResponse refusal(const std::string& why);
+  /// The answer to an order without a result: the line is closed, not now, or not known.
+  [[nodiscard]] HttpResponse failure(const OrderError& error);
 
  private:
   /// An order while it waits; who waits for it takes it back after its patience.
@@ -117,6 +117,9 @@ class Gateway {
   std::string told_transfers_;
   bool line_open_ = false;
 };
+
+/// The answer to an order without a result. @param refused  status when nothing was done
+[[nodiscard]] HttpResponse failure_response(const OrderError& error, int refused);
 
 /// {"type": "tc_stage", ...} of the stream: that of a session without its line, with token or who.
 [[nodiscard]] nlohmann::json stage_json(const StageReport& report, const std::string& token);

@@ -103,6 +103,10 @@ HttpResponse error_response(int status, const std::string& why) {
   return json_response(status, {{"error", why}});
 }
 
+HttpResponse unknown_response(const std::string& why) {
+  return json_response(unknown_outcome, {{"error", why}, {"outcome", "unknown"}});
+}
+
 namespace {
 
 std::string common_head(int status, std::string_view type) {

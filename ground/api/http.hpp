@@ -52,6 +52,9 @@ struct HttpResponse {
 [[nodiscard]] HttpResponse json_response(int status, const nlohmann::json& json);
 /// {"error": why}
 [[nodiscard]] HttpResponse error_response(int status, const std::string& why);
+/// {"error": why, "outcome": "unknown"}: whether the order was carried out is not known.
+inline constexpr int unknown_outcome = 504;
+[[nodiscard]] HttpResponse unknown_response(const std::string& why);
 /// Status line and header fields, with those that protect a browser.
 [[nodiscard]] std::string head_of(const HttpResponse& response, std::size_t octets, bool keep_alive);
 /// The head of a response whose end is that of the connection.

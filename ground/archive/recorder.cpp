@@ -196,7 +196,7 @@ void Recorder::fill(StationLink& link, MonotonicTime now) {
                                .arguments = order->arguments,
                                .who = "serve --fill",
                                .token = fmt::format("fill-{}-{}", system_utc_now().ns(), fills_++)});
-  if (!sent) log_("cannot fill gaps: " + sent.error());
+  if (!sent) log_("cannot fill gaps: " + sent.error().text);
   filler_->on_sent(sent ? std::optional(*sent) : std::nullopt, *encoded->command, now);
 }
 

@@ -13,6 +13,7 @@
 #include "ground/archive/archive.hpp"
 #include "ground/archive/recorder.hpp"
 #include "ground/files.hpp"
+#include "ground/link_order.hpp"
 #include "ground/name_hint.hpp"
 #include "ground/screen/completion.hpp"
 #include "ground/screen/terminal.hpp"
@@ -301,7 +302,7 @@ void OperatorConsole::show_view(const std::string& name) {
 
 void OperatorConsole::order(const CommandLine& command) {
   using Kind = CommandLine::Kind;
-  if (command.kind != Kind::telecommand && command.kind != Kind::arming) return order_link(command);
+  if (command.kind != Kind::telecommand && command.kind != Kind::arming) return order_or_show(command);
   const auto& [name, arguments] = command.telecommand;
   const auto encoded = dictionary_.encode(name, arguments);
   if (!encoded) return say(explained(dictionary_, name, encoded.error().message), Tone::red);
@@ -337,46 +338,22 @@ void OperatorConsole::send(const CommandLine& command, bool arms) {
                     : release ? station_.send_at(*release, name, arguments, command.timeout, tag)
                               : station_.send(name, arguments, command.timeout, tag);
   if (sent) return;
-  say(sent.error(), Tone::red);
-  if (hazardous_ && hazardous_->arming == tag) hazardous_.reset();
+  say(sent.error().text, Tone::red);
+  if (ordered_by_ == tag) order_.reset();
+  if (!hazardous_ || hazardous_->arming != tag) return;
+  hazardous_.reset();
+  say(name + " is not sent: it could not be armed", Tone::red);
 }
 
-void OperatorConsole::order_link(const CommandLine& command) {
-  using Kind = CommandLine::Kind;
-  using Order = StationLink::TransferOrder;
-  switch (command.kind) {
-    case Kind::ad_on:
-      return static_cast<void>(station_.start_ad());
-    case Kind::ad_off:
-      return static_cast<void>(station_.stop_ad());
-    case Kind::unlock:
-      return static_cast<void>(station_.unlock());
-    case Kind::set_vr:
-      return static_cast<void>(station_.set_vr(command.vr));
-    case Kind::clcw:
-      return say(to_lines(station_.cop(), false));
-    case Kind::put:
-      if (const auto put = link_->put(command.file, command.name, false); !put) say(put.error(), Tone::red);
-      return;
-    case Kind::files:
-      return show_transfers();
-    case Kind::suspend:
-    case Kind::resume:
-    case Kind::cancel: {
-      const auto known =
-          link_->order_transfer(command.transfer, command.kind == Kind::suspend  ? Order::suspend
-                                                  : command.kind == Kind::resume ? Order::resume
-                                                                                 : Order::cancel);
-      if (!known) return say(known.error(), Tone::red);
-      if (!*known)
-        say(fmt::format("no transfer with id {} is in progress", to_text(command.transfer)), Tone::red);
-      return;
-    }
-    case Kind::stats:
-      return say(to_lines(link_->counters()));
-    default:
-      return;
+void OperatorConsole::order_or_show(const CommandLine& command) {
+  if (const auto ordered = order_link(station_, command)) {
+    if (!*ordered) say(ordered->error().text, Tone::red);
+    return;
   }
+  using Kind = CommandLine::Kind;
+  if (command.kind == Kind::clcw) say(to_lines(station_.cop(), false));
+  if (command.kind == Kind::files) show_transfers();
+  if (command.kind == Kind::stats) say(to_lines(link_->counters()));
 }
 
 void OperatorConsole::show_transfers() {

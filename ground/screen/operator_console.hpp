@@ -47,7 +47,8 @@ class OperatorConsole {
   void on_line(const std::string& line);
   void on_answer(const std::string& answer);
   void order(const CommandLine& command);
-  void order_link(const CommandLine& command);
+  /// What is no telecommand.
+  void order_or_show(const CommandLine& command);
   void send(const CommandLine& command, bool arms);
   void show_view(const std::string& name);
   void show_transfers();

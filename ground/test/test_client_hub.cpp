@@ -26,16 +26,16 @@ class FakeLink final : public StationLink {
   std::string sending_fails;
   std::string ad_fails;
 
-  Result<wire::RequestId, std::string> send(const TelecommandOrder& order) override {
-    if (!sending_fails.empty()) return Err(sending_fails);
+  Result<wire::RequestId, OrderError> send(const TelecommandOrder& order) override {
+    if (!sending_fails.empty()) return refused(sending_fails);
     sent.push_back({order.command.command->name, order.number, order.ad});
     return wire::RequestId{0x1811, static_cast<std::uint16_t>(0xC000 + sent.size())};
   }
-  Result<TelecommandPacket, std::string> make_packet(const TelecommandOrder& order) override {
+  Result<TelecommandPacket, OrderError> make_packet(const TelecommandOrder& order) override {
     return TelecommandPacket{{0x1811, 0xC000}, order.command.data};
   }
   void settle() override {}
-  Result<void, std::string> start_ad() override {
+  Result<void, OrderError> start_ad() override {
     if (!ad_fails.empty()) {
       report.problem = ad_fails;
       enter(AdPhase::off);
@@ -44,33 +44,33 @@ class FakeLink final : public StationLink {
     }
     return {};
   }
-  Result<void, std::string> stop_ad() override {
+  Result<void, OrderError> stop_ad() override {
     enter(AdPhase::off);
     return {};
   }
-  Result<void, std::string> unlock() override {
+  Result<void, OrderError> unlock() override {
     enter(AdPhase::on);
     return {};
   }
-  Result<void, std::string> set_vr(std::uint8_t vr) override {
+  Result<void, OrderError> set_vr(std::uint8_t vr) override {
     report.vs = vr;
     enter(AdPhase::on);
     return {};
   }
   CopReport cop() const override { return report; }
-  Result<void, std::string> select_keys(suite::AssociationSet, const std::string&) override {
+  Result<void, OrderError> select_keys(suite::AssociationSet, const std::string&) override {
     if (keys_problem.empty()) return {};
-    return Err(keys_problem);
+    return refused(keys_problem);
   }
   std::string keys_problem;
   std::uint8_t vc() const override { return 0; }
   bool carries_files() const override { return false; }
-  Result<cfdp::TransactionId, std::string> put(const std::filesystem::path&, const std::string&,
-                                               bool) override {
-    return Err(std::string("no files"));
+  Result<cfdp::TransactionId, OrderError> put(const std::filesystem::path&, const std::string&,
+                                              bool) override {
+    return refused("no files");
   }
   std::vector<cfdp::Report> transfers() const override { return {}; }
-  Result<bool, std::string> order_transfer(cfdp::TransactionId, TransferOrder) override { return false; }
+  Result<bool, OrderError> order_transfer(cfdp::TransactionId, TransferOrder) override { return false; }
   int fd() const override { return -1; }
   Result<void, std::string> on_readable() override { return {}; }
   Result<void, std::string> on_time() override { return {}; }
@@ -197,9 +197,11 @@ TEST_F(Hub, RefusesOrdersForItsMemoryWithoutAnArchive) {
   EXPECT_EQ(next(id, "reply").value("error", ""), "this server has no archive");
 }
 
-TEST_F(Hub, RefusesARepeatedOrderWhenNobodyKnowsWhetherItWasSent) {
+TEST_F(Hub, DoesNotSendARepeatedOrderWhenNobodyKnowsWhetherItWasSent) {
   const ClientId id = client();
-  EXPECT_THAT(send(id, 1, false, true)["error"].get<std::string>(), HasSubstr("no archive"));
+  const nlohmann::json reply = send(id, 1, false, true);
+  EXPECT_THAT(reply["error"].get<std::string>(), HasSubstr("no archive"));
+  EXPECT_EQ(reply["unknown"], true);
   EXPECT_TRUE(link_.sent.empty());
   EXPECT_TRUE(send(id, 2, false).contains("request"));
   EXPECT_EQ(link_.sent.size(), 1U);
@@ -208,7 +210,9 @@ TEST_F(Hub, RefusesARepeatedOrderWhenNobodyKnowsWhetherItWasSent) {
 TEST_F(Hub, TellsWhyATelecommandWasNotSent) {
   const ClientId id = client();
   link_.sending_fails = "the line is closed";
-  EXPECT_EQ(send(id, 1, false)["error"], "the line is closed");
+  const nlohmann::json reply = send(id, 1, false);
+  EXPECT_EQ(reply["error"], "the line is closed");
+  EXPECT_FALSE(reply.contains("unknown")) << "it was not sent, and that is known";
 }
 
 TEST_F(Hub, GivesEveryPacketToEveryClient) {

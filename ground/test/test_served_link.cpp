@@ -9,6 +9,7 @@
 #include <gtest/gtest.h>
 #include <poll.h>
 
+#include "fake_server.hpp"
 #include "fake_spacecraft.hpp"
 #include "ground/files.hpp"
 #include "ground/local_socket.hpp"
@@ -18,83 +19,12 @@ namespace {
 
 using ::testing::ElementsAre;
 using ::testing::HasSubstr;
-using Messages = std::vector<nlohmann::json>;
-
-/// A server, and those that follow it at the same socket: one connection at a time, in its own thread. It
-/// says what the test gave it to say.
-class FakeServer {
- public:
-  /// @return what it says to a message of its n-th client, from 1; nullopt: it ends instead
-  using Answer = std::function<std::optional<Messages>(int client, const nlohmann::json&)>;
-
-  FakeServer(const std::filesystem::path& socket, Answer answer)
-      : listener_(*listen_at(socket)), answer_(std::move(answer)), thread_([this] { serve(); }) {}
-  ~FakeServer() {
-    stopped_ = true;
-    thread_.join();
-  }
-  FakeServer(const FakeServer&) = delete;
-  FakeServer& operator=(const FakeServer&) = delete;
-
- private:
-  void serve() {
-    Fd socket;
-    int client = 0;
-    while (!stopped_) {
-      pollfd wait{socket ? socket.get() : listener_.get(), POLLIN, 0};
-      if (::poll(&wait, 1, 10) <= 0) continue;
-      if (!socket) {
-        socket = accept_from(listener_.get());
-        ++client;
-        continue;
-      }
-      const auto received = receive_message(socket.get(), serve::message_octets_max);
-      const auto* text = std::get_if<std::string>(&received);
-      const auto said =
-          text == nullptr ? std::optional<Messages>() : answer_(client, nlohmann::json::parse(*text));
-      if (!said) {
-        socket.reset();
-        continue;
-      }
-      for (const auto& message : *said) static_cast<void>(send_message(socket.get(), message.dump()));
-    }
-  }
-
-  Fd listener_;
-  Answer answer_;
-  std::atomic<bool> stopped_{false};
-  std::thread thread_;
-};
-
-nlohmann::json cop_in(AdPhase phase) {
-  CopReport report;
-  report.phase = phase;
-  return serve::to_message(report);
-}
 
 cfdp::Report transfer(std::uint64_t number, const std::string& name) {
   cfdp::Report report;
   report.id = {1, number};
   report.destination_file = name;
   return report;
-}
-
-nlohmann::json welcome(AdPhase phase, const std::vector<cfdp::Report>& transfers, std::uint64_t sent) {
-  return {{"type", "welcome"},
-          {"vc", 0},
-          {"archive", true},
-          {"cop", cop_in(phase)},
-          {"transfers", serve::to_message(transfers)},
-          {"counters", serve::to_message(DownlinkCounters{})},
-          {"locked", true},
-          {"clcw", nullptr},
-          {"sent", sent}};
-}
-
-nlohmann::json reply_to(const nlohmann::json& message, nlohmann::json reply = nlohmann::json::object()) {
-  reply["type"] = "reply";
-  reply["call"] = message["call"];
-  return reply;
 }
 
 class Served : public ::testing::Test {
@@ -238,6 +168,65 @@ TEST_F(Served, AdServiceThatEndedIsNotStartedByTheNextServer) {
   ASSERT_TRUE(until([&] { return link_->telecommands_sent() == 2; }));
 
   EXPECT_EQ(hellos_with_ad, 0);
+}
+
+TEST_F(Served, OrderWithoutAnAnswerIsNotKnownAndNoneElseIs) {
+  std::atomic<int> sends{0};
+  connect([&sends](int, const nlohmann::json& message) -> std::optional<Messages> {
+    if (message["type"] == "hello") return Messages{welcome(AdPhase::off, {}, 0, false)};
+    if (message["type"] == "send") ++sends;
+    if (message["type"] == "unlock") return Messages{reply_to(message, {{"error", "the line is closed"}})};
+    return std::nullopt;
+  });
+  mission::Command command;
+  command.name = "eps.switch_load";
+  const mission::EncodedCommand encoded{&command, {}};
+
+  const auto sent = link_->send({.command = encoded, .number = 1});
+  const auto put = link_->put("/nowhere", "a", false);
+  const auto packet = link_->make_packet({.command = encoded});
+  const auto unlocked = link_->unlock();
+
+  ASSERT_FALSE(sent);
+  EXPECT_TRUE(sent.error().is_unknown());
+  EXPECT_THAT(sent.error().text, HasSubstr("eps.switch_load: it is not known whether it was sent"));
+  EXPECT_EQ(sends, 1) << "no server without an archive is asked again";
+  ASSERT_FALSE(put);
+  EXPECT_TRUE(put.error().is_unknown());
+  EXPECT_THAT(put.error().text, HasSubstr("a: it is not known whether it goes up"));
+  ASSERT_FALSE(packet);
+  EXPECT_FALSE(packet.error().is_unknown()) << "a packet that nobody sends does nothing";
+  ASSERT_FALSE(unlocked);
+  EXPECT_FALSE(unlocked.error().is_unknown());
+  EXPECT_EQ(unlocked.error().text, "the line is closed");
+}
+
+TEST_F(Served, ServerThatCannotTellWhetherItWasSentSaysSo) {
+  connect([](int client, const nlohmann::json& message) -> std::optional<Messages> {
+    if (message["type"] == "hello") return Messages{welcome(AdPhase::off, {}, 0)};
+    if (client == 1) return std::nullopt;
+    return Messages{reply_to(message, {{"error", "this server has no archive"}, {"unknown", true}})};
+  });
+  mission::Command command;
+  command.name = "eps.switch_load";
+
+  const auto sent = link_->send({.command = {&command, {}}, .number = 1});
+
+  ASSERT_FALSE(sent);
+  EXPECT_TRUE(sent.error().is_unknown());
+  EXPECT_THAT(sent.error().text, HasSubstr("this server has no archive"));
+}
+
+TEST_F(Served, OrderThatTheServerDidNotTakeGoesToTheNextOne) {
+  connect([](int client, const nlohmann::json& message) -> std::optional<Messages> {
+    if (message["type"] != "hello") return Messages{reply_to(message)};
+    if (client == 1) return Messages{welcome(AdPhase::off, {}, 0, false), nullptr};
+    return Messages{welcome(AdPhase::off, {}, 0, false)};
+  });
+  pollfd closed{link_->fd(), POLLRDHUP, 0};
+  ASSERT_EQ(::poll(&closed, 1, 60'000), 1) << "this server has ended, and the link has not noticed yet";
+
+  EXPECT_TRUE(link_->unlock());
 }
 
 TEST(ServerConnection, HearsARefusalOfAServerThatClosedAtOnce) {

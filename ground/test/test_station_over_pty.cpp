@@ -22,6 +22,7 @@
 
 #include "base/child_process.hpp"
 #include "base/file.hpp"
+#include "fake_server.hpp"
 #include "fake_spacecraft.hpp"
 #include "ground/bridge.hpp"
 #include "ground/link.hpp"
@@ -729,6 +730,45 @@ TEST_F(PackageInstallation, IsRefusedBeforeAnythingGoesUpWhenItWasNotSignedForTh
   EXPECT_EQ(refused.exit_code, 2) << refused.output;
   EXPECT_THAT(refused.output, HasSubstr("refused: signed with another key"));
   EXPECT_FALSE(std::filesystem::exists(var_.path() / "board/files/payload_eps_7.pkg"));
+}
+
+/// A server without an archive that takes each order, and ends before it answers.
+FakeServer::Answer ends_with_each_order(std::atomic<int>& orders) {
+  return [&orders](int, const nlohmann::json& message) -> std::optional<Messages> {
+    if (message["type"] == "hello") return Messages{welcome(AdPhase::off, {}, 0, false)};
+    ++orders;
+    return std::nullopt;
+  };
+}
+
+TEST_F(ProgramOverPty, SaysThatItIsNotKnownWhetherATelecommandWasSent) {
+  std::filesystem::create_directories(var_.path() / "ground");
+  std::atomic<int> orders{0};
+  const FakeServer server(var_.path() / "ground/serve.sock", ends_with_each_order(orders));
+
+  const Run tc = run("tc eps.switch_load load=1 state=on");
+  EXPECT_EQ(tc.exit_code, 4) << tc.output;
+  EXPECT_THAT(tc.output, HasSubstr("eps.switch_load: it is not known whether it was sent"));
+  const Run json = run("--json tc eps.switch_load load=1 state=on");
+  EXPECT_EQ(json.exit_code, 4) << json.output;
+  EXPECT_THAT(json.output, HasSubstr(R"("outcome":"unknown")"));
+  EXPECT_EQ(run("ping").exit_code, 4);
+  EXPECT_EQ(run("put " + (var_.path() / "input").string()).exit_code, 4);
+  EXPECT_EQ(orders, 4);
+}
+
+TEST_F(ProgramOverPty, ScriptStopsWhereItIsNotKnownWhetherATelecommandWasSent) {
+  std::filesystem::create_directories(var_.path() / "ground");
+  std::atomic<int> orders{0};
+  const FakeServer server(var_.path() / "ground/serve.sock", ends_with_each_order(orders));
+  std::ofstream(var_.path() / "pass.txt") << "tc eps.switch_load load=1 state=on\nping\n";
+
+  const Run script = run("script --keep-going " + (var_.path() / "pass.txt").string());
+
+  EXPECT_EQ(script.exit_code, 4) << script.output;
+  EXPECT_THAT(script.output, HasSubstr("NOT KNOWN whether it was sent"));
+  EXPECT_THAT(script.output, HasSubstr("1 of 2 lines run"));
+  EXPECT_EQ(orders, 1);
 }
 
 TEST_F(ProgramOverPty, SaysThatThePortIsBusy) {

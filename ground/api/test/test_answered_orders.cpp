@@ -41,6 +41,18 @@ TEST(AnsweredOrder, ThatWasRefusedMayBeTriedAgain) {
   EXPECT_FALSE(orders.begin("key-0001", "ping", none));
 }
 
+TEST(AnsweredOrder, OfUnknownOutcomeIsNotCarriedOutAgain) {
+  AnsweredOrders orders;
+  ASSERT_FALSE(orders.begin("key-0001", "ping", none));
+  orders.end("key-0001", unknown_response("the server ended before it answered"));
+
+  const auto again = orders.begin("key-0001", "ping", none);
+
+  ASSERT_TRUE(again);
+  EXPECT_EQ(again->status, unknown_outcome);
+  EXPECT_EQ(nlohmann::json::parse(again->body)["outcome"], "unknown");
+}
+
 TEST(AnsweredOrder, ThatIsStillCarriedOutIsWaitedFor) {
   AnsweredOrders orders;
   ASSERT_FALSE(orders.begin("key-0001", "ping", none));

@@ -192,7 +192,9 @@ export class CommandForm {
       this.on_sent?.(answer);
       await new Promise((done) => setTimeout(done, 1000)); // a double click sends once
     } catch (error) {
-      // The key stays: a refused order is not remembered, and of one that may be under way no second one is sent.
+      // The key stays: a refused order is not remembered, and of one that may be under way no second one is sent. Where the server itself does
+      // not know, the operator decides: the next click is a new order.
+      if (error.answer?.outcome === "unknown") this.unanswered = null;
       set_text(this.problem, error.message);
       toast(`${this.telecommand.name}: ${error.message}`, "failed");
     }

@@ -145,7 +145,7 @@ function history_row(context, command, is_open, toggle) {
           h(
             "li",
             {},
-            shape(/fail|reject|timed|not_sent/.test(stage.stage) ? "failed" : "done"),
+            shape(/fail|reject|timed|not_sent|unknown/.test(stage.stage) ? "failed" : "done"),
             h("span", {}, stage.stage + (stage.step !== undefined && stage.step !== null ? ` ${stage.step}` : "")),
             h("time", {}, stage.time.slice(11, 23)),
             stage.text ? h("span.text", {}, `${stage.name ?? ""} ${stage.text}`) : null,
