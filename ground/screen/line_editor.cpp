@@ -82,16 +82,16 @@ void LineEditor::clear() {
 
 std::string LineEditor::take_line() {
   std::string line = text();
-  remember(line);
+  if (remember(history_, line) && history_.size() > history_max) history_.erase(history_.begin());
   clear();
   return line;
 }
 
-void LineEditor::remember(const std::string& line) {
-  if (line.find_first_not_of(' ') == std::string::npos) return;
-  if (!history_.empty() && history_.back() == line) return;
-  history_.push_back(line);
-  if (history_.size() > history_max) history_.erase(history_.begin());
+bool remember(std::vector<std::string>& lines, const std::string& line) {
+  if (line.find_first_not_of(' ') == std::string::npos) return false;
+  if (!lines.empty() && lines.back() == line) return false;
+  lines.push_back(line);
+  return true;
 }
 
 void LineEditor::set_history(std::vector<std::string> lines) {

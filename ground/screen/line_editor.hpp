@@ -63,7 +63,6 @@ class LineEditor {
   void insert(char32_t character);
   void recall(std::size_t index);
   void erase_word();
-  void remember(const std::string& line);
 
   std::u32string line_;
   std::size_t cursor_ = 0;
@@ -71,6 +70,10 @@ class LineEditor {
   std::size_t recalled_ = 0;  ///< in the history; its size: the new line
   std::u32string new_line_;   ///< while an older one is shown
 };
+
+/// Adds a line that was typed to those before it, unless it is blank or the same as the newest. @return
+/// whether it was added
+bool remember(std::vector<std::string>& lines, const std::string& line);
 
 /// Characters of a text; what is no UTF-8 becomes '?'.
 [[nodiscard]] std::u32string characters_of(std::string_view text);

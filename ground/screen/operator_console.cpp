@@ -9,7 +9,6 @@
 #include <fmt/format.h>
 #include <poll.h>
 
-#include "base/file.hpp"
 #include "ground/archive/archive.hpp"
 #include "ground/archive/recorder.hpp"
 #include "ground/files.hpp"
@@ -24,7 +23,6 @@ namespace srfs::ground::screen {
 namespace {
 
 constexpr std::size_t events_loaded = 50;
-constexpr std::size_t history_octets_max = 1 << 20;
 constexpr std::size_t answer_lines_max = 60;
 constexpr milliseconds clock_period{1000};  ///< ages are drawn anew
 constexpr milliseconds frame_period{100};   ///< at most so often
@@ -108,23 +106,18 @@ void OperatorConsole::load(const std::filesystem::path& archive) {
 }
 
 void OperatorConsole::use_history(const std::filesystem::path& file) {
-  history_file_ = file;
-  const auto text = read_file(file, history_octets_max);
-  if (!text) return;
-  std::vector<std::string> lines;
-  std::istringstream in(*text);
-  for (std::string line; std::getline(in, line);) lines.push_back(line);
-  editor_.set_history(std::move(lines));
+  history_.emplace(file);
+  take_history(history_->lines());
 }
 
-void OperatorConsole::keep_history() {
-  if (history_file_.empty()) return;
-  std::string text;
-  for (const std::string& line : editor_.history()) text += line + "\n";
-  if (const auto kept = write_file_atomically(history_file_, text); !kept) {
-    say("the history is not kept: " + kept.error().message, Tone::yellow);
-    history_file_.clear();
-  }
+void OperatorConsole::keep_in_history(const std::string& line) {
+  if (history_) take_history(history_->add(line));
+}
+
+void OperatorConsole::take_history(const Result<std::vector<std::string>, std::string>& lines) {
+  if (lines) return editor_.set_history(*lines);
+  say("lines are not kept for other consoles from now on: " + lines.error(), Tone::yellow);
+  history_.reset();
 }
 
 void OperatorConsole::say(const std::string& text, Tone tone) {
@@ -233,7 +226,7 @@ void OperatorConsole::on_input(const Input& input, Size size) {
     case Key::enter: {
       if (hazardous_ && hazardous_->arming == 0) return on_answer(editor_.text());
       const std::string line = editor_.take_line();
-      keep_history();
+      keep_in_history(line);
       return on_line(line);
     }
     case Key::complete:

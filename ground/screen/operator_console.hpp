@@ -9,6 +9,7 @@
 
 #include "ground/command_line.hpp"
 #include "ground/report_order.hpp"
+#include "ground/screen/history_file.hpp"
 #include "ground/screen/line_editor.hpp"
 #include "ground/screen/operator_screen.hpp"
 #include "ground/served_link.hpp"
@@ -24,7 +25,7 @@ class OperatorConsole {
 
   /// What the archive knows: newest values, events.
   void load(const std::filesystem::path& archive);
-  /// Lines of earlier consoles, and where they are kept.
+  /// Lines of other consoles, and where those of this one are kept.
   void use_history(const std::filesystem::path& file);
 
   void on_input(const Input& input, Size size);
@@ -63,14 +64,15 @@ class OperatorConsole {
   /// Text of several lines, ready to print.
   void say(const std::string& text, Tone tone = Tone::plain);
   void set_server(bool there);
-  void keep_history();
+  void keep_in_history(const std::string& line);
+  void take_history(const Result<std::vector<std::string>, std::string>& lines);
 
   const mission::Dictionary& dictionary_;
   Views views_;
   ScreenState state_;
   LineEditor editor_;
-  std::filesystem::path history_file_;
-  ServedLink* link_;  ///< the station's
+  std::optional<HistoryFile> history_;  ///< nullopt: lines are not kept
+  ServedLink* link_;                    ///< the station's
   Station station_;
   std::optional<Hazardous> hazardous_;
   std::optional<ReportOrder> order_;  ///< of the newest telecommand: its reports are shown
