@@ -91,10 +91,10 @@ def _skipped(lines):
     return skipped
 
 
-def steps_of(page, text):
-    """The steps of a page in order. @param page  for messages. Sections that need hardware are left out."""
+def steps_of(page, text, hardware=False):
+    """The steps of a page in order. @param page  for messages. @param hardware  with the sections that need it"""
     lines = text.splitlines()
-    skipped = _skipped(lines)
+    skipped = set() if hardware else _skipped(lines)
     steps = []
     for block in _surrounded(page, lines):
         if block.line in skipped:

@@ -218,7 +218,7 @@ def die_with_parent():
     ctypes.CDLL(None).prctl(1, signal.SIGKILL)  # PR_SET_PDEATHSIG
 
 
-def qemu_command(kernel, exchange, options, devices=(), may_reset=False):
+def qemu_command(kernel, exchange, options, hardware=(), may_reset=False):
     def share(path, tag, more=""):
         return ["-virtfs", f"local,path={path},mount_tag={tag},security_model=none{more}"]
 
@@ -226,10 +226,11 @@ def qemu_command(kernel, exchange, options, devices=(), may_reset=False):
     return [
         QEMU, "-accel", "tcg,thread=multi,tb-size=512", "-cpu", "max", "-smp", str(options.cpus), "-m", str(options.memory_mib),
         "-nodefaults", "-parallel", "null", "-nographic", *([] if may_reset else ["-no-reboot"]), "-monitor", "none", "-serial", f"file:{exchange / 'console'}",
-        "-device", "virtio-rng-pci", *(word for device in devices for word in ("-device", device)),
+        "-device", "virtio-rng-pci", *hardware,
         *share("/", "root", ",readonly=on,multidevs=remap"), *share(exchange, "vm"),
         "-kernel", str(kernel / "vmlinux"), "-initrd", str(exchange / "initramfs"),
-        "-append", "console=ttyS0 quiet panic=-1 mitigations=off random.trust_cpu=on",
+        # no_timer_check: on a busy machine the timer seems broken to the kernel, which then panics.
+        "-append", "console=ttyS0 quiet panic=-1 mitigations=off random.trust_cpu=on no_timer_check",
     ]  # fmt: skip
 
 
@@ -290,8 +291,8 @@ def wait_for(qemu, output, deadline_s):
             return False
 
 
-def run(command, options, say, devices=(), may_reset=False, keep_file=None):
-    """Boots, runs the command, returns its exit code or one of our own. devices: more of QEMU's. may_reset: a reset boots again and runs
+def run(command, options, say, hardware=(), may_reset=False, keep_file=None):
+    """Boots, runs the command, returns its exit code or one of our own. hardware: more words of QEMU's command line. may_reset: a reset boots again and runs
     the command again; what it left in /run/vm is still there.
     keep_file (name, target): a file of /run/vm to copy out at the end."""
     if platform.machine() != "x86_64":
@@ -304,7 +305,7 @@ def run(command, options, say, devices=(), may_reset=False, keep_file=None):
     try:
         prepare(exchange, kernel, command)
         began = time.monotonic()
-        qemu = subprocess.Popen(qemu_command(kernel, exchange, options, devices, may_reset), stdin=subprocess.DEVNULL, stdout=2,
+        qemu = subprocess.Popen(qemu_command(kernel, exchange, options, hardware, may_reset), stdin=subprocess.DEVNULL, stdout=2,
                                 preexec_fn=die_with_parent)  # fmt: skip
         output = Output(exchange / "output")
         try:

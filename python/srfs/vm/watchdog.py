@@ -19,7 +19,7 @@ from srfs import ROOT
 from srfs.report import check, show_checks
 from srfs.vm import guest
 
-DEVICES = {"softdog": (), "i6300esb": ("i6300esb",)}
+DEVICES = {"softdog": (), "i6300esb": ("-device", "i6300esb")}
 DEADLINE_S = 420
 
 

@@ -93,6 +93,8 @@ class Steps(unittest.TestCase):
     def test_what_needs_hardware_is_left_out_with_its_subsections(self):
         commands = [step.text for step in tutorial.steps_of("page.md", PAGE) if isinstance(step, Commands)]
         self.assertEqual(sum("false" in text for text in commands), 1)
+        commands = [step.text for step in tutorial.steps_of("page.md", PAGE, hardware=True) if isinstance(step, Commands)]
+        self.assertEqual(sum("false" in text for text in commands), 3)
 
     def test_edits_are_applied_literally(self):
         with tempfile.TemporaryDirectory() as folder:
