@@ -42,7 +42,19 @@ std::size_t PacketStore::longest_file() const {
   return 2 * config_.segment_octets + config_.pending_octets;
 }
 
+/// Before the files are read anew. What is in a file that has vanished is lost with it.
+Result<void, FileError> PacketStore::sync_what_is_left() {
+  if (unsynced_octets_.empty()) return {};
+  const auto there = files_->is_open() ? files_->check_open() : files_->open(segments_.rbegin()->first);
+  if (there) return sync();
+  if (!there.error().is_missing) return Err(FileError{there.error().message});
+  unsynced_octets_.clear();
+  unsynced_index_ = {};
+  return {};
+}
+
 Result<void, FileError> PacketStore::open() {
+  if (auto left = sync_what_is_left(); !left) return left;
   const auto numbers = files_->list();
   if (!numbers) return Err(FileError{numbers.error().message});
   segments_.clear();
@@ -56,8 +68,6 @@ Result<void, FileError> PacketStore::open() {
     segments_[number].octets = config_.segment_octets;
     segments_[number].unreadable = true;
   }
-  unsynced_octets_.clear();
-  unsynced_index_ = {};
   synced_ = segments_.empty() ? Segment{} : segments_.rbegin()->second;
   opened_ = true;
   gone_ = false;

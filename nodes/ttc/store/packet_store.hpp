@@ -128,6 +128,7 @@ class PacketStore {
   Result<void, FileError> recover(std::uint32_t number, bool last);
   Result<void, FileError> start_segment();
   Result<void, FileError> sync();
+  Result<void, FileError> sync_what_is_left();
   Result<void, FileError> write_pending();
   void keep_quota(std::size_t coming_octets);
   void delete_segment(std::uint32_t number);

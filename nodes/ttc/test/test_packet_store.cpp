@@ -419,5 +419,26 @@ TEST_F(PacketStoreOnDisk, WhatASyncCouldNotWriteIsWrittenAgain) {
   }
 }
 
+TEST_F(PacketStoreOnDisk, AVanishedSegmentCostsNothingOfAnotherThatIsNotSyncedYet) {
+  auto files = std::make_unique<FailingDisk>(folder_ / "store");
+  FailingDisk& disk = *files;
+  PacketStore store(config(), std::move(files));
+  ASSERT_TRUE(store.open());
+  fill(store, 1, 60);
+  ASSERT_EQ(segments().size(), 2U);
+  store.append(at(61), packet(61));
+  read_all(store, 61, 61);  // written without a sync
+  fs::remove(segments().front());
+  read_all(store, 0, 10);  // sees it
+  disk.fail_next_sync();
+  EXPECT_FALSE(store.commit());
+  EXPECT_TRUE(store.commit());
+
+  EXPECT_EQ(read_all(store, 61, 61), std::vector<Octets>{packet(61)});
+  const auto seen = PosixSegmentFiles(folder_ / "store").read(1, 1U << 20);
+  ASSERT_TRUE(seen);
+  EXPECT_EQ(disk.medium(1), *seen);
+}
+
 }  // namespace
 }  // namespace srfs
