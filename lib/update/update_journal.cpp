@@ -102,7 +102,7 @@ bool UpdateJournal::begin(Update update) {
   found->sha256 = update.sha256;
   update_ = std::move(update);
   update_.file = plain_text(update_.file, longest_text);
-  update_.step = UpdateStep::build;
+  update_.step = UpdateStep::verify;
   update_.starts = 1;
   ++revision_;
   return true;
@@ -138,6 +138,8 @@ void UpdateJournal::installed(std::optional<milliseconds> outage) {
 
 void UpdateJournal::resume(const VersionTable& table) {
   if (!is_under_way()) return;
+  // Whether it was accepted is not on record, and what was refused must not begin.
+  if (update_.step == UpdateStep::verify) return end(UpdateStep::failed, "interrupted before it began");
   const auto stored_version =
       std::find_if(table.versions().begin(), table.versions().end(),
                    [origin = origin_of(update_)](const Version& v) { return v.origin == origin; });

@@ -68,7 +68,8 @@ class UpdateJournal {
   /// What a package's counter has to be above. The package that was accepted last may come again: its
   /// installation may have ended before its end.
   [[nodiscard]] std::uint64_t last_counter(std::string_view node, std::string_view sha256) const;
-  /// A verified package: its counter is used up. @return false: no room for another node's counter
+  /// A verified package, in step `verify` until it is accepted: its counter is used up. @return false: no
+  /// room for another node's counter
   [[nodiscard]] bool begin(Update update);
   void set(UpdateStep step);
   void stored(VersionNumber version, std::uint64_t program_octets);
@@ -78,7 +79,7 @@ class UpdateJournal {
   void installed(std::optional<milliseconds> outage);
 
   /// Where an update goes on after its process ended, by the node's present table of versions: build (from
-  /// the beginning), swap, or it is over. Begun too often, it failed.
+  /// the beginning), swap, or it is over. Begun too often, or not accepted for certain, it failed.
   void resume(const VersionTable& table);
 
   friend bool operator==(const UpdateJournal&, const UpdateJournal&) = default;

@@ -70,8 +70,8 @@ Actions UpdateTransaction::refuse(FailureCode code, const std::string& reason) {
 
 Actions UpdateTransaction::on_begun(const Result<void, std::string>& written) {
   if (!take(Waiting::begin)) return {};
-  if (written) return Actions{AnswerTelecommand{}, ReportUpdate{update()}} + next_step();
-  // One copy of the journal may have been written: the next start must not go on with what was refused.
+  if (written) return Actions{AnswerTelecommand{}} + begin_step(UpdateStep::build);
+  // One copy of the journal may have been written. If this is not, the next start ends it and reports so.
   journal_.end(UpdateStep::failed, written.error());
   return Actions{WriteUpdateJournal{journal_}, RemoveWorkFolder{}} +
          refuse(mission::failure::package_refused, written.error());

@@ -33,6 +33,7 @@ UpdateJournal begun(bool activate = true) {
   Update u = update_of(5, one);
   u.activate = activate;
   EXPECT_TRUE(journal.begin(u));
+  journal.set(UpdateStep::build);
   return journal;
 }
 
@@ -73,6 +74,17 @@ TEST(UpdateJournalTest, an_interrupted_build_begins_anew_and_is_given_up_at_the_
   EXPECT_EQ(journal.update().ended_in, UpdateStep::build);
   EXPECT_THAT(journal.update().reason, HasSubstr("interrupted"));
   EXPECT_FALSE(journal.is_under_way());
+}
+
+TEST(UpdateJournalTest, one_that_was_not_accepted_for_certain_ends_with_the_next_process) {
+  UpdateJournal journal;
+  ASSERT_TRUE(journal.begin(update_of(5, one)));
+  EXPECT_TRUE(journal.is_under_way());
+  journal.resume(VersionTable());
+  EXPECT_EQ(journal.update().step, UpdateStep::failed);
+  EXPECT_EQ(journal.update().ended_in, UpdateStep::verify);
+  EXPECT_EQ(journal.update().reason, "interrupted before it began");
+  EXPECT_EQ(journal.last_counter("payload_eps", one), 4U) << "it may come again";
 }
 
 TEST(UpdateJournalTest, what_the_table_of_versions_has_is_not_built_again) {

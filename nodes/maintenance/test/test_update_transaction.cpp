@@ -31,7 +31,7 @@ struct Scenario {
   update::PackageKind kind = update::PackageKind::replace;
   bool activate = true;
   bool is_sound = true;          ///< the package
-  bool journal_writable = true;  ///< when it begins
+  bool journal_writable = true;  ///< when it begins, and until the next process
   Lane lane = Lane::good;
   Swap swap = Swap::starts;
   Look look = Look::active;
@@ -64,6 +64,7 @@ class World {
   }
   /// The process, or the computer, ends between two instructions; a new process goes on.
   void crash() {
+    crashed_ = true;
     actions_.clear();
     worker_.clear();
     awaited_.reset();
@@ -132,9 +133,9 @@ class World {
   }
   void carry_out(const WriteUpdateJournal& a) {
     post([this, a] {
-      if (a.answer && !scenario_.journal_writable) {
+      if (!scenario_.journal_writable && !crashed_) {
         if (random_() % 2 == 0) journal_ = a.journal;  // one of the two copies
-        apply(transaction_->on_begun(Err(std::string("no space left"))));
+        if (a.answer) apply(transaction_->on_begun(Err(std::string("no space left"))));
         return;
       }
       journal_ = a.journal;
@@ -242,6 +243,7 @@ class World {
   std::deque<UpdateAction> actions_;
   std::deque<std::function<void()>> worker_;
   bool lane_runs_ = false;
+  bool crashed_ = false;
   std::optional<AwaitActive> awaited_;
   MonotonicTime now_{seconds(100)};
   // what outlives a crash
@@ -308,6 +310,7 @@ void expect_a_sound_end(const Scenario& s, const World& world) {
   }
   if (!s.is_sound || !s.journal_writable) {
     EXPECT_FALSE(accepted);
+    EXPECT_EQ(world.builds, 0) << "what was refused is never built";
   }
   if (!s.activate) {
     EXPECT_EQ(world.table().active(), update::golden);
