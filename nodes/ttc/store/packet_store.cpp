@@ -193,7 +193,8 @@ Result<void, FileError> PacketStore::start_segment() {
     if (const auto synced = sync(); !synced) return synced;
   }
   // The whole segment is counted from its start, so the quota holds while it fills.
-  keep_quota(std::max(config_.segment_octets, segment_header_octets + pending_.size()));
+  const auto kept = keep_quota(std::max(config_.segment_octets, segment_header_octets + pending_.size()));
+  if (!kept) return failed(kept.error());
   // One whose header did not reach the disk is begun again.
   const bool again = !segments_.empty() && segments_.rbegin()->second.octets == 0;
   const std::uint32_t number = segments_.empty() ? 0 : segments_.rbegin()->first + (again ? 0U : 1U);
@@ -222,22 +223,19 @@ Result<void, FileError> PacketStore::write_pending() {
   return {};
 }
 
-void PacketStore::keep_quota(std::size_t coming_octets) {
-  if (bounded_) return;  // append() takes nothing beyond it
-  std::size_t total = coming_octets + octets();
-  while (!segments_.empty() && total > config_.quota_octets) {
-    const auto oldest = segments_.begin();
-    total -= oldest->second.octets;
-    if (segments_.size() == 1) break;  // its number must stay known: numbers only go up
-    counters_.overwritten += oldest->second.records;
-    delete_segment(oldest->first);
+/// A segment that cannot be deleted stays counted: the next commit tries again.
+Result<void, SegmentError> PacketStore::keep_quota(std::size_t coming_octets) {
+  if (bounded_) return {};  // append() takes nothing beyond it
+  // The last one stays: its number must be known, numbers only go up.
+  while (segments_.size() > 1 && coming_octets + octets() > config_.quota_octets) {
+    const auto& [number, segment] = *segments_.begin();
+    const auto removed = files_->remove(number);
+    if (!removed && !removed.error().is_missing) return removed;
+    counters_.overwritten += segment.records;
+    if (cached_number_ == number) cached_number_.reset();
+    segments_.erase(segments_.begin());
   }
-}
-
-void PacketStore::delete_segment(std::uint32_t number) {
-  files_->remove(number);
-  if (cached_number_ == number) cached_number_.reset();
-  segments_.erase(number);
+  return {};
 }
 
 const Octets* PacketStore::content_of(std::uint32_t number) {

@@ -130,8 +130,7 @@ class PacketStore {
   Result<void, FileError> sync();
   Result<void, FileError> sync_what_is_left();
   Result<void, FileError> write_pending();
-  void keep_quota(std::size_t coming_octets);
-  void delete_segment(std::uint32_t number);
+  [[nodiscard]] Result<void, SegmentError> keep_quota(std::size_t coming_octets);
   [[nodiscard]] const Octets* content_of(std::uint32_t number);
   [[nodiscard]] std::size_t longest_file() const;
 

@@ -67,8 +67,9 @@ Result<void, SegmentError> PosixSegmentFiles::cut(std::uint32_t number, std::siz
   return {};
 }
 
-void PosixSegmentFiles::remove(std::uint32_t number) {
-  (void)unlink(path_of(number).c_str());
+Result<void, SegmentError> PosixSegmentFiles::remove(std::uint32_t number) {
+  if (unlink(path_of(number).c_str()) != 0) return Err(failure("delete", path_of(number), errno));
+  return {};
 }
 
 Result<void, SegmentError> PosixSegmentFiles::create(std::uint32_t number, OctetView header) {
@@ -78,7 +79,7 @@ Result<void, SegmentError> PosixSegmentFiles::create(std::uint32_t number, Octet
   if (pwrite(file_.get(), header.data(), header.size(), 0) != static_cast<ssize_t>(header.size())) {
     const int error = errno;
     file_.reset();
-    remove(number);
+    (void)remove(number);
     SegmentError failed = failure("write", path_of(number), error);
     failed.is_missing = false;
     return Err(std::move(failed));

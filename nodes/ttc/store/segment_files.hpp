@@ -36,7 +36,7 @@ class SegmentFiles {
   [[nodiscard]] virtual Result<Octets, SegmentError> read(std::uint32_t number, std::size_t octets_max) = 0;
   [[nodiscard]] virtual bool exists(std::uint32_t number) = 0;
   [[nodiscard]] virtual Result<void, SegmentError> cut(std::uint32_t number, std::size_t octets) = 0;
-  virtual void remove(std::uint32_t number) = 0;
+  [[nodiscard]] virtual Result<void, SegmentError> remove(std::uint32_t number) = 0;
 
   /// A new file with @p header becomes the open one; its name is durable.
   [[nodiscard]] virtual Result<void, SegmentError> create(std::uint32_t number, OctetView header) = 0;
@@ -59,7 +59,7 @@ class PosixSegmentFiles final : public SegmentFiles {
   Result<Octets, SegmentError> read(std::uint32_t number, std::size_t octets_max) override;
   bool exists(std::uint32_t number) override;
   Result<void, SegmentError> cut(std::uint32_t number, std::size_t octets) override;
-  void remove(std::uint32_t number) override;
+  Result<void, SegmentError> remove(std::uint32_t number) override;
   Result<void, SegmentError> create(std::uint32_t number, OctetView header) override;
   Result<void, SegmentError> open(std::uint32_t number) override;
   [[nodiscard]] bool is_open() const override { return static_cast<bool>(file_); }

@@ -42,7 +42,7 @@ class FailingDisk final : public SegmentFiles {
     medium_[number].resize(octets);
     return files_.cut(number, octets);
   }
-  void remove(std::uint32_t number) override { files_.remove(number); }
+  Result<void, SegmentError> remove(std::uint32_t number) override { return files_.remove(number); }
   Result<void, SegmentError> create(std::uint32_t number, OctetView header) override {
     open_ = number;
     written_ = {{0, {header.begin(), header.end()}}};
