@@ -14,9 +14,6 @@ using wire::CfdpEof;
 using wire::CfdpFinished;
 using wire::CfdpTransactionStatus;
 
-/// Numbers set aside by one checkpoint: without a working disk so many files can still be sent.
-constexpr std::uint64_t sequence_block = 64;
-
 }  // namespace
 
 std::string_view to_string(PutError error) {
@@ -34,7 +31,7 @@ std::string_view to_string(PutError error) {
 }
 
 Entity::Entity(const Settings& settings_, FileStore& files_, std::uint64_t first_sequence)
-    : Context(settings_, files_), next_sequence_(first_sequence), sequences_reserved_(first_sequence) {
+    : Context(settings_, files_), next_sequence_(first_sequence) {
   senders_.reserve(settings.transactions_max);
   receivers_.reserve(settings.transactions_max);
 }
@@ -57,8 +54,8 @@ Result<void, CheckpointError> Entity::restore(OctetView checkpoint, MonotonicTim
   files.discard_temporaries_except(received);
   if (!state) return Err(state.error());
   // While the disk failed numbers beyond those of the checkpoint may have been used: the peer would take a
-  // new file for one that it has.
-  next_sequence_ = sequences_reserved_ = std::max(next_sequence_, state->next_sequence);
+  // new file for one that it has. So the checkpoint is not ahead of what was used, and the first number is.
+  next_sequence_ = std::max(next_sequence_, state->next_sequence);
   for (const Ended& e : state->history) {
     if (history_.size() == settings.history_max) history_.pop_front();
     history_.push_back(e);
@@ -101,7 +98,6 @@ Result<TransactionId, PutError> Entity::put(std::string_view source_file, std::s
   state.destination_file = destination_file;
   state.checksum_type = settings.checksum;
   state.operation = operation;
-  if (next_sequence_ > sequences_reserved_) sequences_reserved_ = next_sequence_ + sequence_block;
   senders_.push_back(std::make_unique<Sender>(context(), std::move(state)));
   const TransactionId id = senders_.back()->id();
   report({.kind = EventKind::started, .id = id});
@@ -344,7 +340,7 @@ void Entity::report(const Event& event) {
 void Entity::save_checkpoint() {
   Checkpoint checkpoint;
   checkpoint.entity = settings.own_entity;
-  checkpoint.next_sequence = sequences_reserved_;
+  checkpoint.next_sequence = next_sequence_;
   for (const auto& s : senders_) checkpoint.senders.push_back(s->state());
   for (const auto& r : receivers_) checkpoint.receivers.push_back(r->durable_state());
   checkpoint.history.assign(history_.begin(), history_.end());

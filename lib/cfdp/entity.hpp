@@ -104,7 +104,6 @@ class Entity final : private Context {
   std::deque<Outgoing> replies_;  // of transactions that are over, or unknown
   std::deque<Event> events_;
   std::uint64_t next_sequence_;
-  std::uint64_t sequences_reserved_;  // a checkpoint says that all below are used
   bool link_available_ = true;
 };
 

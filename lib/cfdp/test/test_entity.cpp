@@ -751,5 +751,19 @@ TEST(CfdpRestart, NoNumberIsUsedTwiceAlsoWhereTheCheckpointIsOlderThanTheLastFil
   EXPECT_GE(id->sequence, 5000U);
 }
 
+TEST(CfdpRestart, NoNumberIsUsedTwiceWhereNoCheckpointIsWrittenOverSeveralRestarts) {
+  MemoryFileStore store;
+  store.add("one", Octets(10));
+  std::set<std::uint64_t> used;
+  for (std::uint64_t clock = 1000; clock < 1050; clock += 10) {
+    Entity entity(Settings{}, store, clock);
+    ASSERT_TRUE(entity.restore(store.checkpoint, MonotonicTime(seconds(1))));
+    const auto id = entity.put("one", "one");
+    ASSERT_TRUE(id);
+    EXPECT_TRUE(used.insert(id->sequence).second) << id->sequence;
+    store.checkpoint_fault = FileFault::no_space;  // from the second process on
+  }
+}
+
 }  // namespace
 }  // namespace srfs::cfdp
