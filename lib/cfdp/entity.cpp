@@ -12,6 +12,7 @@ namespace {
 using wire::CfdpAck;
 using wire::CfdpEof;
 using wire::CfdpFinished;
+using wire::CfdpNak;
 using wire::CfdpTransactionStatus;
 
 }  // namespace
@@ -189,6 +190,10 @@ void Entity::to_sender(const wire::CfdpPdu& pdu, MonotonicTime now) {
     ++counters.no_transaction;
     status = CfdpTransactionStatus::unrecognized;
   }
+  // Its receiver waits for a file that nobody sends any more, or that has another number now.
+  if (s == nullptr && std::holds_alternative<CfdpNak>(pdu.body))
+    reply(pdu.header,
+          CfdpEof{.condition = CfdpCondition::cancel_request, .fault_location = settings.own_entity});
   if (finished == nullptr) return;
   reply(pdu.header, CfdpAck{.of_finished = true, .condition = finished->condition, .status = status});
 }

@@ -523,6 +523,7 @@ void Receiver::resume(MonotonicTime now) {
   attempts_ = 0;
   deadline_.reset();
   finished_due_ = state_.stage == Stage::finished;
+  nak_forced_ = state_.stage == Stage::receiving;  // a sender that has forgotten the file says so
   heard_since_nak_ = true;
   metadata_ask_at_ = now + context_->settings.nak_delay;
   nak_not_before_ = now;

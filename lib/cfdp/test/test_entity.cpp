@@ -650,6 +650,23 @@ TEST_F(CfdpTransfer, BeginsAgainWhenTheTemporaryFileIsGone) {
   EXPECT_EQ(*files(satellite).content("b"), random_file(60'000, 1));
 }
 
+TEST_F(CfdpTransfer, AFileThatItsSenderForgotEndsWhereItRestsWhenThePeerIsHeardAgain) {
+  link_.start();
+  files(ground).checkpoint_fault = FileFault::denied;
+  files(ground).add("a", random_file(60'000, 1));
+  const auto id = entity(ground).put("a", "b").value();
+  link_.run_for(milliseconds(2000));
+  link_.kill(link_.at(ground), milliseconds(1));
+  (void)link_.run(link_.now + seconds(3600));
+  ASSERT_EQ(entity(satellite).transactions().size(), 1U);
+  ASSERT_EQ(rest_of(satellite), Rest::by_fault);
+  ASSERT_TRUE(entity(satellite).resume(id, link_.now));
+  ASSERT_TRUE(run());
+  EXPECT_TRUE(entity(satellite).transactions().empty());
+  EXPECT_EQ(entity(satellite).outcome_of(id)->condition, CfdpCondition::cancel_request);
+  EXPECT_EQ(files(satellite).temporaries(), 0U);
+}
+
 TEST_F(CfdpTransfer, AFileThatGotItsNameJustBeforeTheCrashIsRecognised) {
   const auto id = put(random_file(3000, 1));
   passes_ = [](std::uint64_t, const std::string& kind) { return kind != "eof"; };
