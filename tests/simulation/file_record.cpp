@@ -11,6 +11,12 @@ const std::string outbox = "outbox/";
 
 }  // namespace
 
+std::vector<std::string> names_under_way(cfdp::TransferFolders& folders) {
+  std::vector<std::string> names;
+  for (const cfdp::Report& report : folders.entity().transactions()) names.push_back(report.destination_file);
+  return names;
+}
+
 FileRecord::FileRecord(Kernel& kernel)
     : kernel_(kernel),
       disks_{std::make_shared<cfdp::MemoryFileStore>(), std::make_shared<cfdp::MemoryFileStore>()} {}
@@ -20,15 +26,21 @@ std::string FileRecord::put(End from, Random& random) {
   Octets content(200 + random.below(random.one_in(8) ? 30'000 : 4'000));
   for (std::uint8_t& octet : content) octet = static_cast<std::uint8_t>(random.next());
   disk(from)->add(outbox + name, content);
-  files_[name] = File{.from = from, .content = std::move(content), .put = kernel_.now()};
+  files_[name] =
+      File{.from = from, .content = std::move(content), .put = kernel_.now(), .process = processes(from)};
   return name;
 }
 
-void FileRecord::compare(const std::string& name, const File& file) const {
+bool FileRecord::is_there(const std::string& name, const File& file) const {
   const Octets* const there = disk(file.from == End::ground ? End::board : End::ground)->content(name);
-  if (there == nullptr || *there != file.content)
-    throw Violation{"L11", fmt::format("a file is reported as arrived and is {} there: {} of {} octets",
-                                       there == nullptr ? "not" : "another one", name, file.content.size())};
+  return there != nullptr && *there == file.content;
+}
+
+void FileRecord::compare(const std::string& name, const File& file) const {
+  if (!is_there(name, file))
+    throw Violation{"L11", fmt::format("a file is reported as arrived and is not there, or is another one: "
+                                       "{} of {} octets",
+                                       name, file.content.size())};
 }
 
 void FileRecord::on_news(End at, const cfdp::News& news) {
@@ -41,14 +53,36 @@ void FileRecord::on_news(End at, const cfdp::News& news) {
   if (news.event.role != cfdp::Role::sending || at != found->second.from) return;
   if (!found->second.ended) ++(arrived ? counters_.arrived : counters_.failed);
   found->second.ended = true;
+  found->second.failed = !arrived;
 }
 
-void FileRecord::check_ends(MonotonicTime put_before) {
+/// What left the outbox is at the other end, or was kept, and that was said unless the process ended.
+void FileRecord::settle(const std::string& name, File& file) const {
+  const cfdp::MemoryFileStore& sender = *disk(file.from);
+  if (sender.content(outbox + name) != nullptr) return;
+  const bool is_kept = sender.content("unsent/" + name) != nullptr;
+  if (file.failed && !is_kept && !is_there(name, file))
+    throw Violation{"L14", "a file that was not sent is kept nowhere: " + name};
+  if (file.ended) return;
+  if (!is_kept && !is_there(name, file))
+    throw Violation{"L14", "a file left the outbox, and is neither there nor kept as unsent: " + name};
+  if (processes_.at(static_cast<std::size_t>(file.from)) == file.process)
+    throw Violation{"L14", "a file left the outbox without a word: " + name};
+  file.ended = true;
+}
+
+void FileRecord::check_ends(MonotonicTime put_before, const std::array<Names, 2>& under_way) {
   for (auto& [name, file] : files_) {
-    // What its sender said last may have been lost with it.
-    file.ended = file.ended || disk(file.from)->content(outbox + name) == nullptr;
+    settle(name, file);
     if (file.put < put_before && !file.ended)
       throw Violation{"L14", "a file waits long after the last fault: " + name};
+  }
+  for (const Names& names : under_way) {
+    for (const std::string& name : names) {
+      const auto found = files_.find(name);
+      if (found == files_.end() || found->second.put < put_before)
+        throw Violation{"L14", "a transfer has no end long after the last fault: " + name};
+    }
   }
   for (const auto& [name, file] : files_) {
     if (!file.ended) continue;

@@ -33,6 +33,7 @@ GroundFiles::GroundFiles(Kernel& kernel, FileRecord& record, std::size_t packet_
 void GroundFiles::restart() {
   const auto& disk = record_.disk(FileRecord::End::ground);
   folders_.reset();
+  record_.on_process_end(FileRecord::End::ground);
   folders_ = std::make_unique<cfdp::TransferFolders>(disk, disk->checkpoint, settings,
                                                      first_transaction(kernel_.now()), kernel_.now());
   if (folders_->damaged()) throw Violation{"L12", "the ground's checkpoint cannot be read"};

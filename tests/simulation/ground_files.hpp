@@ -24,6 +24,7 @@ class GroundFiles {
   void on_contact();
   void put(Random& random);
   void restart();
+  [[nodiscard]] std::vector<std::string> under_way() { return names_under_way(*folders_); }
 
  private:
   Kernel& kernel_;

@@ -30,7 +30,10 @@ std::string PackageRecord::make(std::size_t nodes) {
   package.builds = !random_.one_in(6);
   package.activate = !random_.one_in(4);
   package.program.name = fmt::format("program{}", package.counter);
-  if (random_.one_in(3)) package.program.lives = milliseconds(1 + random_.below(20'000));
+  package.passes_test = !random_.one_in(12);
+  // Some die before they are Active.
+  const std::uint64_t longest_life_ms = random_.one_in(4) ? 40 : 20'000;
+  if (random_.one_in(3)) package.program.lives = milliseconds(1 + random_.below(longest_life_ms));
   const std::string file = fmt::format("packages/{}.pkg", package.counter);
   packages_.emplace(file, package);
   return file;
@@ -47,13 +50,12 @@ void PackageRecord::on_answer(const std::string& file, FailureCode code) {
   package.accepted = kernel_.now();
 }
 
-void PackageRecord::on_end_unwritten(const std::string& file) {
-  if (const auto found = packages_.find(file); found != packages_.end()) found->second.refused = false;
-}
-
 void PackageRecord::on_report(const update::Update& update) {
   const auto found = packages_.find(update.file);
-  if (found == packages_.end() || !update::is_over(update.step)) return;
+  if (found == packages_.end()) return;
+  found->second.origin = origin_of(update);
+  found->second.last = update.step;
+  if (!update::is_over(update.step)) return;
   if (!found->second.ended && update.step == update::UpdateStep::installed) ++counters_.installed;
   found->second.ended = true;
 }
@@ -73,6 +75,26 @@ void PackageRecord::check_ends(MonotonicTime accepted_before) const {
   for (const auto& [file, package] : packages_) {
     if (package.accepted && *package.accepted < accepted_before && !package.ended)
       throw Violation{"F6", "an installation was accepted, and no end of it reported: " + file};
+  }
+}
+
+void PackageRecord::on_use_ordered(const std::string& origin) {
+  for (auto& [file, package] : packages_) package.is_used = package.is_used || package.origin == origin;
+}
+
+void PackageRecord::check_running(const std::string& origin) const {
+  for (const auto& [file, package] : packages_) {
+    const bool is_out =
+        package.last == update::UpdateStep::failed || package.last == update::UpdateStep::cancelled;
+    if (package.origin == origin && is_out && !package.is_used)
+      throw Violation{"F6", "a program runs whose installation was reported as failed or cancelled: " + file};
+  }
+}
+
+void PackageRecord::check_stored(const std::string& origin) const {
+  for (const auto& [file, package] : packages_) {
+    if (package.origin == origin && package.last == update::UpdateStep::cancelled)
+      throw Violation{"F6", "a program is stored whose installation was reported as cancelled: " + file};
   }
 }
 
@@ -99,6 +121,8 @@ Maintenance::~Maintenance() {
 
 void Maintenance::start() {
   transaction_.emplace(read_journal(), host_.name());
+  rest(around_.rests);
+  if (around_.flash.version_order) carry_out_version_order();
   if (!transaction_->is_busy()) return;
   run(transaction_->resume(around_.versions.read(node_of(transaction_->update())), true));
 }
@@ -127,6 +151,27 @@ void Maintenance::cancel() {
   answered_at_once_ = "no package";
   run(transaction_->cancel());
   answered_at_once_.reset();
+}
+
+void Maintenance::use_version(const std::string& node, update::VersionNumber version) {
+  around_.flash.version_order = MaintenanceFlash::VersionOrder{node, version};
+  carry_out_version_order();
+}
+
+/// A telecommand: the next process carries it out again.
+void Maintenance::carry_out_version_order() {
+  update::Update wanted;
+  wanted.node = around_.flash.version_order->node;
+  wanted.version = around_.flash.version_order->version;
+  wanted.probation = probation;
+  const update::VersionTable table = around_.versions.read(node_of(wanted));
+  if (const update::Version* const version = table.find(wanted.version))
+    around_.flash.packages.on_use_ordered(version->origin);
+  worker_.ask([this, wanted] { (void)swap(wanted); },
+              [this, is_own = wanted.node == host_.name()] {
+                around_.flash.version_order.reset();
+                if (is_own) carry_out(EndOwnProcess{});
+              });
 }
 
 void Maintenance::carry_out(const AnswerTelecommand& action) {
@@ -181,11 +226,8 @@ Result<void, std::string> Maintenance::write_journal(const update::UpdateJournal
 void Maintenance::carry_out(const WriteUpdateJournal& action) {
   const auto written = std::make_shared<Result<void, std::string>>();
   worker_.ask([this, journal = action.journal, written] { *written = write_journal(journal); },
-              [this, action, written] {
-                const update::Update& update = action.journal.update();
-                if (!*written && update::is_over(update.step))
-                  around_.flash.packages.on_end_unwritten(update.file);
-                if (action.answer) run(transaction_->on_begun(*written));
+              [this, answer = action.answer, written] {
+                if (answer) run(transaction_->on_begun(*written));
               });
 }
 
@@ -224,9 +266,10 @@ void Maintenance::run_lane(nanoseconds longest) {
     if (number != lane_runs_ || lane_stopped_) return;
     const PackageRecord::Package& package = around_.flash.packages.of(transaction_->update().file);
     around_.versions.disk(*around_.nodes.at(package.node)).elsewhere[job_program] = to_text(package.program);
+    const bool is_test = transaction_->update().step == update::UpdateStep::self_test;
     LaneEnd end;
-    end.report.good = package.builds;
-    end.report.reason = package.builds ? "" : "compiler_failed";
+    end.report.good = is_test ? package.passes_test : package.builds;
+    if (!end.report.good) end.report.reason = is_test ? "self_test_failed" : "compiler_failed";
     run(transaction_->on_lane_ended(end));
   });
 }

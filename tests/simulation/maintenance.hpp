@@ -22,26 +22,34 @@ class PackageRecord {
   struct Package {
     std::size_t node = 0;  ///< by lane
     std::uint64_t counter = 0;
-    bool sound = true;   ///< its signature
-    bool builds = true;  ///< and passes its self-test
+    bool sound = true;  ///< its signature
+    bool builds = true;
+    bool passes_test = true;  ///< its self-test
     bool activate = true;
     PlayedProgram program;
     std::optional<MonotonicTime> accepted{};
     bool refused = false;
-    bool ended = false;  ///< and that was reported
+    bool ended = false;                                  ///< and that was reported
+    std::string origin{};                                ///< of the version that it becomes
+    update::UpdateStep last = update::UpdateStep::none;  ///< that was reported
+    bool is_used = false;                                ///< an operator had its version used by itself
   };
   /// The operator makes a package for any node. @return its file
   std::string make(std::size_t nodes);
   [[nodiscard]] const Package& of(const std::string& file) const { return packages_.at(file); }
   void on_answer(const std::string& file, FailureCode code);
-  /// That it is over did not reach the disk: it may go on after a restart.
-  void on_end_unwritten(const std::string& file);
   void on_report(const update::Update& update);
   /// Its sources are built, or its program is to be used.
   void on_build(const std::string& file) const;
   void on_use(const std::string& file) const;
+  /// An operator has a version used, whatever became of its installation.
+  void on_use_ordered(const std::string& origin);
   /// At the end of a calm.
   void check_ends(MonotonicTime accepted_before) const;
+  /// The same. @param origin  of a program that runs
+  void check_running(const std::string& origin) const;
+  /// The same. @param origin  of a program that is stored
+  void check_stored(const std::string& origin) const;
 
   struct Counters {
     std::uint64_t made = 0;
@@ -62,6 +70,11 @@ struct MaintenanceFlash {
       : packages(kernel), in_flight(kernel.random("maintenance in flight")) {}
   std::array<std::string, 2> journal;   ///< updates_a, updates_b
   std::optional<unsigned> writes_left;  ///< the process ends behind so many; nullopt: it lives
+  struct VersionOrder {
+    std::string node;
+    update::VersionNumber version;
+  };
+  std::optional<VersionOrder> version_order;  ///< telecommand that is not completed
   PackageRecord packages;
   Random in_flight;
 };
@@ -72,6 +85,7 @@ struct MaintenanceSurroundings {
   Versions& versions;
   std::vector<Host*> nodes;  ///< by lane
   const bool& powered;
+  const bool& rests;                                ///< the mode allows no installation
   std::function<bool(const Host& node)> is_locked;  ///< another process restarts it
   /// Ends the process of a node and starts another one. @return its number
   std::function<pid_t(Host& node)> restart;
@@ -87,6 +101,9 @@ class Maintenance final : public Program {
   /// Telecommands.
   void install(const std::string& file);
   void cancel();
+  void use_version(const std::string& node, update::VersionNumber version);
+  /// The mode allows installations, or does not.
+  void rest(bool rests) { run(transaction_->rest(rests)); }
 
  private:
   using Swapped = Result<std::optional<StartedProgram>, std::string>;
@@ -113,6 +130,7 @@ class Maintenance final : public Program {
   [[nodiscard]] Swapped swap(const update::Update& u);
   void run_lane(nanoseconds longest);
   void look(const AwaitActive& action);
+  void carry_out_version_order();
   [[nodiscard]] Host& node_of(const update::Update& u) const;
 
   Host& host_;

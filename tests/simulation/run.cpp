@@ -42,12 +42,16 @@ class CalmCheck {
   void check() const {
     spacecraft_.commands().check_ends(begun_);
     spacecraft_.ttc_flash().stores.check();
-    spacecraft_.ttc_flash().files.check_ends(begun_);
+    spacecraft_.ttc_flash().files.check_ends(begun_, spacecraft_.files_under_way());
     spacecraft_.packages().check_ends(begun_);
     spacecraft_.versions().check();
     for (std::size_t i = 0; i < spacecraft_.node_count(); ++i) {
       const Host& host = spacecraft_.host(static_cast<Lane>(i));
       if (!host.runs()) throw Violation{"F4", "it does not run long after the last fault: " + host.name()};
+      spacecraft_.packages().check_running(spacecraft_.versions().running_origin(host));
+      const update::VersionTable table = spacecraft_.versions().read(host);
+      for (const update::Version& version : table.versions())
+        spacecraft_.packages().check_stored(version.origin);
     }
     constexpr std::uint64_t expected = look / milliseconds(100);
     if (spacecraft_.newest_cycle() < cycle_ + expected - 1)

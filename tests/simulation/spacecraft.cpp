@@ -163,6 +163,7 @@ Spacecraft::Spacecraft(Kernel& kernel)
   schedule_pulse();
   step_world();
   kernel_.later(seconds(20), [this] { work_on_packages(); });
+  kernel_.later(seconds(60), [this] { work_on_versions(); });
 }
 
 /// Programs use all that is here.
@@ -226,6 +227,7 @@ MaintenanceSurroundings Spacecraft::maintenance_surroundings() {
           *versions_,
           std::move(nodes_there),
           powered_,
+          maintenance_rests_,
           [this](const Host& node) { return ring_->is_locked(node); },
           [this](Host& node) { return ring_->restart_now(node); }};
 }
@@ -240,10 +242,42 @@ void Spacecraft::work_on_packages() {
   // A package that has ended and comes again is stored again.
   const bool is_new = package_.empty() || packages().of(package_).ended;
   if (!random.one_in(4) || is_new) package_ = packages().make(hosts_.size());
-  host.give([&host, cancels, file = package_] {
-    auto* const logic = static_cast<Maintenance*>(static_cast<NodeProcess*>(host.program())->logic());
-    cancels ? logic->cancel() : logic->install(file);
+  with_maintenance([cancels, file = package_](Maintenance& maintenance) {
+    cancels ? maintenance.cancel() : maintenance.install(file);
   });
+}
+
+void Spacecraft::with_maintenance(std::function<void(Maintenance& maintenance)> work) {
+  Host& host = this->host(Lane::maintenance);
+  if (!host.is_up()) return;
+  host.give([&host, work = std::move(work)] {
+    work(*static_cast<Maintenance*>(static_cast<NodeProcess*>(host.program())->logic()));
+  });
+}
+
+/// The operator has a node run another one of its versions, also one that failed.
+void Spacecraft::work_on_versions() {
+  Random& random = versions_operator_;
+  kernel_.later(random.between(seconds(30), seconds(200)), [this] { work_on_versions(); });
+  if (!station_->works()) return;
+  std::vector<std::pair<std::string, update::VersionNumber>> all;
+  for (const auto& host : hosts_) {
+    const update::VersionTable table = versions_->read(*host);
+    for (const update::Version& version : table.versions()) all.emplace_back(host->name(), version.number);
+  }
+  if (all.empty()) return;
+  const auto& [node, version] = all[random.below(all.size())];
+  const bool is_golden = random.one_in(8);
+  with_maintenance([node = node, version = is_golden ? update::golden : version](Maintenance& maintenance) {
+    maintenance.use_version(node, version);
+  });
+}
+
+/// As launch_config/sim.yaml has it.
+void Spacecraft::follow_mode(MissionMode mode) {
+  const bool rests = mode == MissionMode::safe || mode == MissionMode::low_power;
+  if (std::exchange(maintenance_rests_, rests) == rests) return;
+  with_maintenance([rests](Maintenance& maintenance) { maintenance.rest(rests); });
 }
 
 TtcSurroundings Spacecraft::ttc_surroundings() {
@@ -270,6 +304,7 @@ TtcSurroundings Spacecraft::ttc_surroundings() {
           network_,
           std::move(nodes_there),
           [this](const char* why) { kernel_.later(nanoseconds(0), [this, why] { cut_power(why, true); }); },
+          [this](MissionMode mode) { follow_mode(mode); },
           commands_};
 }
 
@@ -300,6 +335,12 @@ void Spacecraft::cut_power(const char* why, bool by_watchdog) {
     for (const auto& host : hosts_) versions_->count_suite_start(*host);
     ring_->start_all();
   });
+}
+
+std::array<FileRecord::Names, 2> Spacecraft::files_under_way() {
+  auto* const process = static_cast<NodeProcess*>(host(Lane::ttc).program());
+  auto* const ttc = process == nullptr ? nullptr : static_cast<Ttc*>(process->logic());
+  return {station_->files_under_way(), ttc == nullptr ? FileRecord::Names{} : ttc->files_under_way()};
 }
 
 Payload* Spacecraft::payload(std::size_t i) {

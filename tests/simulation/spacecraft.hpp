@@ -74,6 +74,8 @@ class Spacecraft {
   [[nodiscard]] Gps& gps() { return gps_; }
   [[nodiscard]] TtcFlash& ttc_flash() { return ttc_flash_; }
   [[nodiscard]] Station& station() { return *station_; }
+  /// Files of the transactions of both ends, the ground's first.
+  [[nodiscard]] std::array<FileRecord::Names, 2> files_under_way();
   [[nodiscard]] const Versions& versions() const { return *versions_; }
   [[nodiscard]] PackageRecord& packages() { return maintenance_flash_.packages; }
   [[nodiscard]] CommandRecord& commands() { return commands_; }
@@ -90,6 +92,10 @@ class Spacecraft {
   [[nodiscard]] std::unique_ptr<Program> make_logic(Host& host);
   void on_process(Host& host);
   void work_on_packages();
+  void work_on_versions();
+  /// Runs on maintenance, if it is up.
+  void with_maintenance(std::function<void(Maintenance& maintenance)> work);
+  void follow_mode(MissionMode mode);
   [[nodiscard]] MaintenanceSurroundings maintenance_surroundings();
   void step_world();
   void step_battery();
@@ -124,7 +130,9 @@ class Spacecraft {
   TtcFlash ttc_flash_;
   MaintenanceFlash maintenance_flash_;
   Random packages_operator_{kernel_.random("operator of packages")};
-  std::string package_;  ///< file of the newest one
+  Random versions_operator_{kernel_.random("operator of versions")};
+  std::string package_;             ///< file of the newest one
+  bool maintenance_rests_ = false;  ///< by the mode
   CommandRecord commands_;
   std::unique_ptr<Station> station_;
   std::set<std::uint64_t> opened_;  ///< grants with which a payload opened the bus

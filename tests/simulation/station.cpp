@@ -55,7 +55,8 @@ const std::vector<Choice>& choices() {
       {"storage.resume_open", {"store=events"}, 1},
       {"storage.suspend_open", {"store=events"}, 1},
       {"schedule.summary_filter", {}, 1},
-      {"schedule.enable", {}, 2},
+      {"schedule.enable", {}, 4},
+      {"schedule.disable", {}, 1},
       {"schedule.shift_filter", {"offset_s=5"}, 1},
   };
   return all;
@@ -241,11 +242,15 @@ void CommandRecord::on_report(const wire::TmPacket& packet) {
   Life& life = found->second;
   kernel_.trace(Lane::ttc, Lane::ground, "report 1,n", packet.subtype, found->first);
   if (life.insertion && packet.subtype == 1) note_schedule(found->first, ScheduleState::released);
-  if (life.insertion && (packet.subtype == 2 || packet.subtype == 10))
-    note_schedule(found->first, ScheduleState::refused);
+  if (life.insertion && (packet.subtype == 2 || packet.subtype == 10)) {
+    const std::uint16_t code = OctetReader(in).u16();
+    const bool dropped = code == mission::failure::schedule_disabled || code == mission::failure::expired;
+    note_schedule(found->first, dropped ? ScheduleState::dropped : ScheduleState::refused);
+  }
   if (packet.subtype == 7) {
     for (const auto& [key, other] : lives_) {
-      if (other.insertion == found->first && !other.accepted && other.ids.empty() && !other.dropped)
+      if (other.insertion == found->first && !other.accepted && !other.refused && other.ids.empty() &&
+          !other.dropped)
         note_schedule(key, ScheduleState::in_schedule);
     }
   }
@@ -321,6 +326,7 @@ Station::Station(Kernel& kernel, const mission::Dictionary& dictionary, const su
       truth_(truth),
       operator_(kernel.random("operator")),
       files_operator_(kernel.random("operator of files")),
+      list_operator_(kernel.random("operator of lists")),
       noise_(kernel.random("line")),
       channel_{.spacecraft_id = static_cast<std::uint16_t>(link.spacecraft_id),
                .vc = 0,
@@ -348,6 +354,7 @@ Station::Station(Kernel& kernel, const mission::Dictionary& dictionary, const su
   record_.set_listener([this](const Octets& cadu) { on_cadu(cadu); });
   kernel_.later(seconds(3), [this] { work(); });
   kernel_.later(seconds(4), [this] { work_on_files(); });
+  kernel_.later(seconds(30), [this] { send_list(); });
 }
 
 /// In a calm the operator makes sure that the spacecraft hears the ground, also behind a cut that lasts into
@@ -383,10 +390,34 @@ void Station::work() {
   const bool repeats = operator_.one_in(4);
   if (repeats && !recent_.empty()) return send_bd(recent_[operator_.below(recent_.size())]);
   if (operator_.one_in(20)) ad_.stop(kernel_.now());
+  note_ad();
   if (operator_.one_in(6)) ad_.start(kernel_.now());
+  note_ad();
   if (operator_.one_in(40)) ad_.unlock(kernel_.now());
+  note_ad();
   if (operator_.one_in(60)) ad_.set_vr(static_cast<std::uint8_t>(operator_.below(256)), kernel_.now());
+  note_ad();
   send_something();
+  handle_ad();
+}
+
+/// An operator sends a list of telecommands at once, half of them by the AD service if it is on: while the
+/// disk is slow, ttc has no room for all of them.
+void Station::send_list() {
+  kernel_.later(list_operator_.between(seconds(20), seconds(120)), [this] { send_list(); });
+  if (!works_) return;
+  for (auto left = 10 + list_operator_.below(50); left > 0; --left) {
+    const Choice& choice = any_choice(list_operator_);
+    if (choice.name == std::string_view(mission::TtcSetMode::name)) continue;  // a mode is to last
+    const Queued telecommand = make(choice.name, choice.arguments, false);
+    record_.on_sent(telecommand.request, *telecommand.command);
+    const bool by_ad = ad_.phase() == ground::AdPhase::on && list_operator_.one_in(2);
+    if (!by_ad) {
+      send_bd(telecommand);
+    } else if (ad_.request(next_tag_, telecommand.packet, kernel_.now())) {
+      by_ad_.emplace(next_tag_++, telecommand);
+    }
+  }
   handle_ad();
 }
 

@@ -125,6 +125,7 @@ class Station {
   [[nodiscard]] const Line& line() const { return line_; }
   void set_operator(bool works);
   [[nodiscard]] bool works() const { return works_; }
+  [[nodiscard]] std::vector<std::string> files_under_way() { return files_.under_way(); }
 
  private:
   struct Queued {
@@ -135,6 +136,7 @@ class Station {
   void work();
   void work_on_files();
   void send_something();
+  void send_list();
   void send_scheduled();
   void send_retrieval();
   void send(const Queued& telecommand);
@@ -154,6 +156,7 @@ class Station {
   const sim::TrueTime& truth_;
   Random operator_;
   Random files_operator_;
+  Random list_operator_;
   Random noise_;
   wire::TcUplinkChannel channel_;
   const wire::SdlsKey& key_;

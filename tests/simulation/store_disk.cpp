@@ -17,6 +17,14 @@ void put(Octets& file, std::size_t offset, OctetView octets) {
   std::copy(octets.begin(), octets.end(), file.begin() + static_cast<std::ptrdiff_t>(offset));
 }
 
+void add_records(std::vector<StoredRecord>& to, OctetView data) {
+  for (std::size_t at = find_record(data, 0); at < data.size(); at = find_record(data, at)) {
+    const auto record = decode_record(data.subspan(at));
+    to.push_back({record->sequence, record->stamp.tai, crc32c(record->packet)});
+    at += record->octets();
+  }
+}
+
 }  // namespace
 
 bool SegmentDisk::may_change() {
@@ -53,15 +61,20 @@ void SegmentDisk::lose_power() {
 
 std::vector<StoredRecord> SegmentDisk::records() const {
   std::vector<StoredRecord> found;
-  for (const auto& [number, file] : files_) {
-    const OctetView data(file.now);
-    for (std::size_t at = find_record(data, 0); at < data.size(); at = find_record(data, at)) {
-      const auto record = decode_record(data.subspan(at));
-      found.push_back({record->sequence, record->stamp.tai, crc32c(record->packet)});
-      at += record->octets();
-    }
-  }
+  for (const auto& [number, file] : files_) add_records(found, file.now);
   return found;
+}
+
+std::size_t SegmentDisk::octets() const {
+  std::size_t all = 0;
+  for (const auto& [number, file] : files_) all += file.now.size();
+  return all;
+}
+
+std::size_t SegmentDisk::longest_file() const {
+  std::size_t longest = 0;
+  for (const auto& [number, file] : files_) longest = std::max(longest, file.now.size());
+  return longest;
 }
 
 Result<std::vector<std::uint32_t>, SegmentError> PlayedSegmentFiles::list() {
@@ -86,8 +99,15 @@ Result<void, SegmentError> PlayedSegmentFiles::cut(std::uint32_t number, std::si
   return {};
 }
 
-void PlayedSegmentFiles::remove(std::uint32_t number) {
-  if (disk_.may_change()) disk_.files_.erase(number);
+Result<void, SegmentError> PlayedSegmentFiles::remove(std::uint32_t number) {
+  if (!disk_.may_change()) return Err(SegmentError{"read-only file system"});
+  const auto found = disk_.files_.find(number);
+  if (found == disk_.files_.end()) return Err(SegmentError{"no such file", true});
+  SegmentDisk::Deletion deletion{found == disk_.files_.begin(), disk_.octets(), {}};
+  add_records(deletion.records, found->second.now);
+  disk_.deletions_.push_back(std::move(deletion));
+  disk_.files_.erase(found);
+  return {};
 }
 
 Result<void, SegmentError> PlayedSegmentFiles::create(std::uint32_t number, OctetView header) {

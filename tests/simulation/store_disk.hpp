@@ -4,6 +4,7 @@
 
 #include <map>
 #include <optional>
+#include <utility>
 #include <vector>
 
 #include "nodes/ttc/store/segment_files.hpp"
@@ -35,6 +36,17 @@ class SegmentDisk {
   void lose_power();
   /// What is there, in the order of the files.
   [[nodiscard]] std::vector<StoredRecord> records() const;
+  [[nodiscard]] std::size_t octets() const;
+  [[nodiscard]] std::size_t longest_file() const;
+
+  /// A file that was deleted.
+  struct Deletion {
+    bool was_oldest = false;
+    std::size_t octets_before = 0;  ///< of all files, this one too
+    std::vector<StoredRecord> records;
+  };
+  /// Those since the last call.
+  [[nodiscard]] std::vector<Deletion> take_deletions() { return std::exchange(deletions_, {}); }
 
  private:
   friend class PlayedSegmentFiles;
@@ -50,6 +62,7 @@ class SegmentDisk {
   [[nodiscard]] bool may_change();
 
   std::map<std::uint32_t, File> files_;
+  std::vector<Deletion> deletions_;
   Random random_;
   StoreDiskState& state_;
 };
@@ -63,7 +76,7 @@ class PlayedSegmentFiles final : public SegmentFiles {
   Result<Octets, SegmentError> read(std::uint32_t number, std::size_t octets_max) override;
   bool exists(std::uint32_t number) override { return disk_.files_.contains(number); }
   Result<void, SegmentError> cut(std::uint32_t number, std::size_t octets) override;
-  void remove(std::uint32_t number) override;
+  Result<void, SegmentError> remove(std::uint32_t number) override;
   Result<void, SegmentError> create(std::uint32_t number, OctetView header) override;
   Result<void, SegmentError> open(std::uint32_t number) override;
   [[nodiscard]] bool is_open() const override { return open_.has_value(); }

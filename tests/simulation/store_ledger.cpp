@@ -2,20 +2,29 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "tests/simulation/store_ledger.hpp"
 
+#include <set>
+
 #include <fmt/format.h>
 
 #include "base/crc32c.hpp"
 
 namespace srfs::simulation {
 
-StoreLedger::StoreLedger(Kernel& kernel, const mission::Dictionary& dictionary) {
+StoreLedger::StoreLedger(Kernel& kernel, const mission::Dictionary& dictionary, std::size_t segment_octets)
+    : segment_octets_(segment_octets) {
   for (const mission::PacketStore& store : dictionary.stores())
     accounts_.emplace(store.id,
                       Account{.disk = SegmentDisk(kernel.random("packet store " + store.name), state_)});
 }
 
 void StoreLedger::on_open(const PacketStoresStatus& status) {
-  for (const auto& [id, store] : status.stores) accounts_.at(id).next_sequence = store.next_sequence;
+  for (const auto& [id, store] : status.stores) {
+    Account& account = accounts_.at(id);
+    account.next_sequence = store.next_sequence;
+    account.quota_octets = store.quota_octets;
+    // The process before ended behind them.
+    (void)settle_deletions(account, store);
+  }
   check();
 }
 
@@ -47,24 +56,48 @@ void StoreLedger::on_commit(const PacketStoresStatus& status) {
   for (const auto& [id, store] : status.stores) settle(accounts_.at(id), store);
 }
 
+/// What is owed no more. @return its packets
+std::uint64_t StoreLedger::settle_deletions(Account& account, const PacketStoreStatus& status) const {
+  std::set<std::uint32_t> lost;
+  for (const SegmentDisk::Deletion& deletion : account.disk.take_deletions()) {
+    // It made room for a segment, or for all that waited.
+    const std::size_t coming = std::max(segment_octets_, account.disk.longest_file());
+    if (!deletion.was_oldest) throw Violation{"L6", "another segment than the oldest is deleted"};
+    if (deletion.octets_before + coming <= status.quota_octets)
+      throw Violation{"L6", fmt::format("a segment is deleted though there was room: {} of {} octets",
+                                        deletion.octets_before, status.quota_octets)};
+    for (const StoredRecord& record : deletion.records) lost.insert(record.sequence);
+  }
+  if (lost.empty()) return 0;
+  // What was written and could not be synced may be there twice.
+  for (const StoredRecord& record : account.disk.records()) lost.erase(record.sequence);
+  for (const std::uint32_t sequence : lost) {
+    account.owed.erase(sequence);
+    account.pending.erase(sequence);
+  }
+  return lost.size();
+}
+
 void StoreLedger::note_overwritten(Account& account, const PacketStoreStatus& status) {
-  if (status.counters.overwritten == account.overwritten) return;
+  const std::uint64_t deleted = settle_deletions(account, status);
+  const std::uint64_t counted = status.counters.overwritten - account.overwritten;
+  if (counted < deleted)
+    throw Violation{"L6", fmt::format("packets were deleted and not counted: {} of {}", deleted, counted)};
+  counters_.overwritten += deleted > 0 ? 1 : 0;
   account.overwritten = status.counters.overwritten;
-  ++counters_.overwritten;
-  const auto there = account.disk.records();
-  const std::uint32_t floor = there.empty() ? status.next_sequence : there.front().sequence;
-  account.owed.erase(account.owed.begin(), account.owed.lower_bound(floor));
 }
 
 void StoreLedger::settle(Account& account, const PacketStoreStatus& status) {
   note_overwritten(account, status);
   account.next_sequence = status.next_sequence;
-  if (status.failing) return;
   const auto& counted = status.counters;
-  if (account.appended != counted.stored + counted.refused + counted.full)
+  const std::uint64_t known = counted.stored + counted.refused + counted.full;
+  const std::uint64_t waiting = status.failing ? account.pending.size() : 0;
+  if (account.appended < known || account.appended > known + waiting)
     throw Violation{"L6",
                     fmt::format("packets are neither stored nor counted: {} given, {} stored, {} refused",
                                 account.appended, counted.stored, counted.refused + counted.full)};
+  if (status.failing) return;
   counters_.stored += account.pending.size();
   account.owed.merge(account.pending);
   account.pending.clear();
@@ -80,6 +113,9 @@ void StoreLedger::check() const {
         throw Violation{"L6", fmt::format("a packet that was synced is not there: store {}, sequence {}",
                                           store, sequence)};
     }
+    if (account.quota_octets > 0 && account.disk.octets() > account.quota_octets)
+      throw Violation{"L6", fmt::format("a store is beyond its quota: store {}, {} of {} octets", store,
+                                        account.disk.octets(), account.quota_octets)};
   }
 }
 

@@ -17,7 +17,10 @@ namespace srfs::simulation {
 /// What ttc's packet stores have taken, and what they owe for it. Its functions check requirements L6 and S8.
 class StoreLedger {
  public:
-  StoreLedger(Kernel& kernel, const mission::Dictionary& dictionary);
+  static constexpr std::size_t usual_segment_octets = 16U << 10;
+  /// @param segment_octets  of the stores
+  StoreLedger(Kernel& kernel, const mission::Dictionary& dictionary,
+              std::size_t segment_octets = usual_segment_octets);
   StoreLedger(const StoreLedger&) = delete;
   StoreLedger& operator=(const StoreLedger&) = delete;
 
@@ -33,7 +36,7 @@ class StoreLedger {
   /// A batch was read. @param status  behind it
   void on_read(const ReadStore& read, const std::optional<RetrievedPackets>& packets,
                const PacketStoresStatus& status);
-  /// Everything that was synced is there, but what was deleted for the quota.
+  /// Everything that was synced is there, but what was deleted for the quota; and the quota holds.
   void check() const;
 
   /// A packet leaves for the ground on the playback channel.
@@ -56,6 +59,7 @@ class StoreLedger {
     std::map<std::uint32_t, std::uint32_t> owed{};     ///< synced: checksum by sequence
     std::map<std::uint32_t, std::uint32_t> pending{};  ///< not yet
     std::uint32_t next_sequence = 0;
+    std::size_t quota_octets = 0;   ///< 0: no process has opened it yet
     std::uint64_t appended = 0;     ///< by this process
     std::uint64_t overwritten = 0;  ///< the same
   };
@@ -64,11 +68,13 @@ class StoreLedger {
     std::vector<std::uint32_t> expected;
     std::vector<std::uint32_t> got;
   };
+  [[nodiscard]] std::uint64_t settle_deletions(Account& account, const PacketStoreStatus& status) const;
   void note_overwritten(Account& account, const PacketStoreStatus& status);
   void settle(Account& account, const PacketStoreStatus& status);
   [[nodiscard]] std::vector<std::uint32_t> expected_of(std::uint16_t store, const RetrievalRange& range,
                                                        const RetrievalCursor& begun) const;
 
+  std::size_t segment_octets_;
   StoreDiskState state_;
   std::map<std::uint16_t, Account> accounts_;
   std::array<std::optional<Reading>, 2> readings_;  ///< of a period; open retrieval

@@ -12,7 +12,6 @@ namespace {
 constexpr std::size_t journal_worker_capacity = 2;
 constexpr std::uint8_t telecommand_channel = 0;
 constexpr std::size_t store_quota_octets = 192U << 10;
-constexpr std::size_t store_segment_octets = 16U << 10;
 constexpr std::size_t store_pending_octets = 64U << 10;
 constexpr seconds command_loss{259'200};
 // Of the true time; the first tick corrects it.
@@ -113,6 +112,7 @@ void Ttc::end_work_in_flight() {
   } catch (const cfdp::Killed&) {
   }
   files.calls_until_kill.reset();
+  flash.files.on_process_end(FileRecord::End::board);
 }
 
 std::string Ttc::text_of(const std::string& name) const {
@@ -337,7 +337,7 @@ void Ttc::open_stores() {
   stores_.emplace(around_.dictionary, [&ledger](const mission::PacketStore& store) {
     return PacketStore({.folder = {},
                         .quota_octets = store_quota_octets,
-                        .segment_octets = store_segment_octets,
+                        .segment_octets = StoreLedger::usual_segment_octets,
                         .pending_octets = store_pending_octets},
                        std::make_unique<PlayedSegmentFiles>(ledger.disk(store.id)));
   });
@@ -436,6 +436,7 @@ void Ttc::carry_out(const PublishTelecommand& action) {
 void Ttc::carry_out(const PublishMode& action) {
   host_.trace(host_.lane(), "mode", static_cast<std::uint64_t>(action.mode));
   host_.kernel().coverage().note(StateTable::mode, 0, static_cast<std::uint8_t>(action.mode));
+  host_.output([this, mode = action.mode] { around_.follow_mode(mode); });
 }
 
 void Ttc::carry_out(const RaiseEvent& action) {

@@ -81,6 +81,7 @@ struct TtcSurroundings {
   Network& network;
   std::vector<Host*> nodes;  ///< by place in the ring
   std::function<void(const char* why)> restart_computer;
+  std::function<void(MissionMode mode)> follow_mode;
   TtcWitness& witness;
 };
 
@@ -92,6 +93,7 @@ class Ttc final : public Program {
   ~Ttc() override;
   void start() override;
   [[nodiscard]] const TtcCore& core() const { return *core_; }
+  [[nodiscard]] std::vector<std::string> files_under_way() { return names_under_way(*files_); }
   /// Octets came up the line.
   void on_line(const Octets& octets);
 

@@ -106,6 +106,12 @@ void Versions::on_running(Host& host) {
   });
 }
 
+std::string Versions::running_origin(const Host& host) const {
+  const VersionTable table = read(host);
+  const update::Version* const version = table.find(running(host));
+  return version == nullptr ? std::string() : version->origin;
+}
+
 std::optional<suite::VersionTrial> Versions::trial_of(const Host& host) const {
   const Node& n = node(host);
   const VersionTable table = read(n);
@@ -150,6 +156,9 @@ void Versions::check() const {
       throw Violation{"C6d", fmt::format("a program that dies is still in use: {} {}", n.name, n.running)};
     std::map<std::string, VersionNumber> by_origin;
     const VersionTable table = read(n);
+    if (const VersionNumber named = table.start_order().front(); n.running != named)
+      throw Violation{"C6d", fmt::format("a node runs another program than its table names: {} {}, not {}",
+                                         n.name, n.running, named)};
     for (const update::Version& version : table.versions()) {
       if (!by_origin.emplace(version.origin, version.number).second)
         throw Violation{"F6", fmt::format("a package is stored twice: {} {}", n.name, version.origin)};

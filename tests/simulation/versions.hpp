@@ -40,13 +40,16 @@ class Versions {
   /// It runs: a program with a fault ends, a version that lives through its probation is good.
   void on_running(Host& host);
   [[nodiscard]] update::VersionNumber running(const Host& host) const { return node(host).running; }
+  /// Empty: golden.
+  [[nodiscard]] std::string running_origin(const Host& host) const;
   [[nodiscard]] std::optional<suite::VersionTrial> trial_of(const Host& host) const;
   /// The version failed. Waits for no disk.
   void set_aside(Host& host, update::VersionNumber version, const std::string& reason);
   /// The suite starts after a reset of the computer.
   void count_suite_start(const Host& host);
   void lose_power();
-  /// Long after the last fault: no node runs a program with a fault, and no package is stored twice.
+  /// Long after the last fault: each node runs the program that its table names, none with a fault, and no
+  /// package is stored twice.
   void check() const;
   [[nodiscard]] std::uint64_t fallbacks() const { return fallbacks_; }
 

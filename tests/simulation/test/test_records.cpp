@@ -28,6 +28,7 @@ std::string violation_of(Check check) {
 
 struct SimulatedStores : testing::Test {
   static constexpr std::uint16_t id = 1;
+  static constexpr std::size_t segment_octets = 2048;
   static StoreItem item(std::uint8_t number) {
     return {
         .store = id,
@@ -35,7 +36,7 @@ struct SimulatedStores : testing::Test {
         .packet = Octets(40, number)};
   }
   void open() {
-    store.emplace(PacketStoreConfig{.folder = {}, .quota_octets = 8192, .segment_octets = 2048},
+    store.emplace(PacketStoreConfig{.folder = {}, .quota_octets = 8192, .segment_octets = segment_octets},
                   std::make_unique<PlayedSegmentFiles>(ledger.disk(id)));
     ASSERT_TRUE(store->open());
     ledger.on_open(status());
@@ -56,7 +57,7 @@ struct SimulatedStores : testing::Test {
     return read;
   }
   Kernel kernel{1};
-  StoreLedger ledger{kernel, dictionary()};
+  StoreLedger ledger{kernel, dictionary(), segment_octets};
   std::optional<PacketStore> store;
 };
 
@@ -77,7 +78,7 @@ TEST_F(SimulatedStores, ASyncedPacketThatIsGoneIsAViolation) {
   open();
   for (std::uint8_t n = 0; n < 5; ++n) append(n);
   commit();
-  PlayedSegmentFiles(ledger.disk(id)).remove(0);
+  ASSERT_TRUE(PlayedSegmentFiles(ledger.disk(id)).remove(0));
   EXPECT_THAT(violation_of([this] { ledger.check(); }),
               HasSubstr("L6: a packet that was synced is not there"));
 }
@@ -92,6 +93,45 @@ TEST_F(SimulatedStores, APacketThatIsNeitherStoredNorCountedIsAViolation) {
 TEST_F(SimulatedStores, SegmentsThatWereDeletedForTheQuotaAreNotOwed) {
   open();
   for (int n = 0; n < 400; ++n) {
+    append(static_cast<std::uint8_t>(n));
+    commit();
+  }
+  EXPECT_GT(ledger.counters().overwritten, 0U);
+  EXPECT_EQ(violation_of([this] { ledger.check(); }), "");
+}
+
+TEST_F(SimulatedStores, ASegmentThatIsDeletedThoughThereIsRoomIsAViolation) {
+  open();
+  for (std::uint8_t n = 0; n < 60; ++n) append(n);
+  commit();
+  ASSERT_TRUE(PlayedSegmentFiles(ledger.disk(id)).remove(0));
+  EXPECT_THAT(violation_of([this] { commit(); }),
+              HasSubstr("L6: a segment is deleted though there was room"));
+}
+
+TEST_F(SimulatedStores, WhatIsDeletedAndNotCountedIsAViolation) {
+  open();
+  int n = 0;
+  for (; ledger.counters().overwritten == 0; ++n) {
+    append(static_cast<std::uint8_t>(n));
+    commit();
+  }
+  const auto counted = store->status().counters.overwritten;
+  for (; store->status().counters.overwritten == counted; ++n) {
+    append(static_cast<std::uint8_t>(n));
+    (void)store->commit();
+  }
+  auto uncounted = status();
+  uncounted.stores[0].second.counters.overwritten = counted;
+  EXPECT_THAT(violation_of([&] { ledger.on_commit(uncounted); }),
+              HasSubstr("L6: packets were deleted and not counted"));
+}
+
+/// The disk refused to delete a segment: it stayed, uncounted, until the next start.
+TEST_F(SimulatedStores, ASegmentThatCannotBeDeletedIsDeletedLaterAndTheQuotaHolds) {
+  open();
+  for (int n = 0; n < 400; ++n) {
+    ledger.state().failing = n % 7 < 3;
     append(static_cast<std::uint8_t>(n));
     commit();
   }
@@ -139,23 +179,65 @@ TEST_F(SimulatedStores, ARetrievalThatIsCompleteBeforeItsPacketsAreSentIsAViolat
 
 // ---------------------------------------------------------------- files
 
-TEST(SimulatedFiles, AFileThatArrivesChangedAndOneThatWaitsForEverAreViolations) {
-  Kernel kernel(1);
-  FileRecord record(kernel);
-  Random random(1, "test");
-  const std::string name = record.put(FileRecord::End::board, random);
-  kernel.run_until(kernel.now() + seconds(1));
-  EXPECT_THAT(violation_of([&] { record.check_ends(kernel.now()); }), HasSubstr("L14: a file waits"));
+struct SimulatedFiles : testing::Test {
+  [[nodiscard]] std::string violation(const FileRecord::Names& under_way = {}) {
+    return violation_of([&] { record.check_ends(kernel.now(), {FileRecord::Names{}, under_way}); });
+  }
+  void report(FileRecord::End at, cfdp::Role role, bool arrived = true) {
+    cfdp::News news;
+    news.event.kind = cfdp::EventKind::finished;
+    news.event.role = role;
+    news.event.outcome.incomplete = !arrived;
+    news.file.destination_file = name;
+    record.on_news(at, news);
+  }
+  void arrive() { ground.add(name, *board.content("outbox/" + name)); }
+  void SetUp() override { kernel.run_until(kernel.now() + seconds(1)); }
+  Kernel kernel{1};
+  FileRecord record{kernel};
+  Random random{1, "test"};
+  cfdp::MemoryFileStore& board = *record.disk(FileRecord::End::board);
+  cfdp::MemoryFileStore& ground = *record.disk(FileRecord::End::ground);
+  std::string name = record.put(FileRecord::End::board, random);
+};
 
-  Octets content = *record.disk(FileRecord::End::board)->content("outbox/" + name);
-  content.back() ^= 1;
-  record.disk(FileRecord::End::ground)->add(name, content);
-  cfdp::News news;
-  news.event.kind = cfdp::EventKind::finished;
-  news.event.role = cfdp::Role::receiving;
-  news.file.destination_file = name;
-  EXPECT_THAT(violation_of([&] { record.on_news(FileRecord::End::ground, news); }),
-              HasSubstr("L11: a file is reported as arrived and is another one"));
+TEST_F(SimulatedFiles, OneThatWaitsForEverIsAViolation) {
+  EXPECT_THAT(violation(), HasSubstr("L14: a file waits"));
+}
+
+TEST_F(SimulatedFiles, OneThatArrivesChangedIsAViolation) {
+  arrive();
+  ground.files.at(name).octets.back() ^= 1;
+  EXPECT_THAT(violation_of([&] { report(FileRecord::End::ground, cfdp::Role::receiving); }),
+              HasSubstr("L11: a file is reported as arrived and is not there, or is another one"));
+}
+
+TEST_F(SimulatedFiles, OneThatLeavesTheOutboxAndIsNowhereIsAViolation) {
+  board.remove("outbox/" + name);
+  record.on_process_end(FileRecord::End::board);
+  EXPECT_THAT(violation(), HasSubstr("L14: a file left the outbox, and is neither there"));
+}
+
+TEST_F(SimulatedFiles, OneThatLeavesTheOutboxWithoutAWordIsAViolationUnlessTheProcessEnded) {
+  arrive();
+  board.remove("outbox/" + name);
+  EXPECT_THAT(violation(), HasSubstr("L14: a file left the outbox without a word"));
+  record.on_process_end(FileRecord::End::board);
+  EXPECT_EQ(violation(), "");
+}
+
+TEST_F(SimulatedFiles, OneThatFailedIsKeptOrThatIsAViolation) {
+  (void)board.rename("outbox/" + name, "unsent/" + name);
+  report(FileRecord::End::board, cfdp::Role::sending, false);
+  board.remove("unsent/" + name);
+  EXPECT_THAT(violation(), HasSubstr("L14: a file that was not sent is kept nowhere"));
+}
+
+TEST_F(SimulatedFiles, ATransferThatHasNoEndIsAViolation) {
+  arrive();
+  board.remove("outbox/" + name);
+  report(FileRecord::End::board, cfdp::Role::sending);
+  EXPECT_THAT(violation({name}), HasSubstr("L14: a transfer has no end"));
 }
 
 // ---------------------------------------------------------------- packages and versions
@@ -178,6 +260,22 @@ TEST(SimulatedPackages, ARefusedOneThatIsBuiltAndAnAcceptedOneWithoutEndAreViola
   EXPECT_EQ(violation_of([&] { record.check_ends(kernel.now() + seconds(1)); }), "");
 }
 
+TEST(SimulatedPackages, AProgramThatRunsThoughItsInstallationWasCancelledIsAViolation) {
+  Kernel kernel(1);
+  PackageRecord record(kernel);
+  update::Update update;
+  update.file = record.make(9);
+  update.step = update::UpdateStep::cancelled;
+  record.on_report(update);
+  EXPECT_THAT(violation_of([&] { record.check_running(origin_of(update)); }),
+              HasSubstr("F6: a program runs whose installation was reported as failed or cancelled"));
+  EXPECT_EQ(violation_of([&] { record.check_running("another one"); }), "");
+  EXPECT_THAT(violation_of([&] { record.check_stored(origin_of(update)); }),
+              HasSubstr("F6: a program is stored whose installation was reported as cancelled"));
+  record.on_use_ordered(origin_of(update));
+  EXPECT_EQ(violation_of([&] { record.check_running(origin_of(update)); }), "");
+}
+
 TEST(SimulatedVersions, AProgramThatDiesGivesWayAndADamagedOneIsAViolation) {
   Kernel kernel(1);
   Disk disk(kernel);
@@ -195,11 +293,13 @@ TEST(SimulatedVersions, AProgramThatDiesGivesWayAndADamagedOneIsAViolation) {
     return number ? store.use(*number, seconds(60), "") : Result<void, std::string>(Err(number.error()));
   };
   ASSERT_TRUE(versions.change(host, install));
+  EXPECT_THAT(violation_of([&] { versions.check(); }), HasSubstr("C6d: a node runs another program"));
   EXPECT_EQ(versions.on_begin(host), 1U);
   EXPECT_THAT(violation_of([&] { versions.check(); }), HasSubstr("C6d: a program that dies is still in use"));
   ASSERT_TRUE(versions.trial_of(host));
 
   versions.set_aside(host, 1, "it died");
+  EXPECT_THAT(violation_of([&] { versions.check(); }), HasSubstr("C6d: a program that dies is still in use"));
   EXPECT_EQ(versions.on_begin(host), update::golden);
   EXPECT_EQ(violation_of([&] { versions.check(); }), "");
 
