@@ -27,6 +27,7 @@
 #include <ctime>
 #include <string_view>
 
+#include "ros/datagram_seal.hpp"
 #include "ros/executor.hpp"
 #include "suite/node.hpp"
 
@@ -244,6 +245,26 @@ void look_for_question(const std::uint8_t* data, std::size_t size) {
   }
 }
 
+/// Where datagrams are sealed, the seal is the first submessage behind the RTPS header: without it.
+std::size_t without_seal(std::uint8_t* datagram, std::size_t size) {
+  constexpr std::size_t header = 20;
+  constexpr std::size_t behind = header + srfs::ros::DatagramSeal::octets;
+  if (!srfs::ros::datagram_seal() || size < behind) return size;
+  std::memmove(datagram + header, datagram + behind, size - behind);
+  return size - srfs::ros::DatagramSeal::octets;
+}
+
+/// The node itself says the wrong thing: it bears its seal.
+std::size_t sealed(std::uint8_t* datagram, std::size_t size, std::size_t room) {
+  const auto& seal = srfs::ros::datagram_seal();
+  if (!seal) return size;
+  thread_local srfs::Octets out;
+  seal->seal({datagram, size}, srfs::monotonic_now(), out);
+  if (out.size() > room) return 0;
+  std::copy(out.begin(), out.end(), datagram);
+  return out.size();
+}
+
 /// Writes the falsified datagram to @p copy. @return its size; 0: send the original
 std::size_t falsified(const msghdr& message, std::uint8_t* copy, std::size_t room) {
   std::size_t size = 0;
@@ -252,6 +273,7 @@ std::size_t falsified(const msghdr& message, std::uint8_t* copy, std::size_t roo
     std::memcpy(copy + size, message.msg_iov[i].iov_base, message.msg_iov[i].iov_len);
     size += message.msg_iov[i].iov_len;
   }
+  size = without_seal(copy, size);
   const std::uint64_t nonce = last_nonce;
   auto* found = static_cast<std::uint8_t*>(memmem(copy, size, &nonce, sizeof nonce));
   if (found == nullptr || static_cast<std::size_t>(found - copy) + 13 > size) return 0;
@@ -267,7 +289,7 @@ std::size_t falsified(const msghdr& message, std::uint8_t* copy, std::size_t roo
       found[12] = 99;
       break;
   }
-  return size;
+  return sealed(copy, size, room);
 }
 
 }  // namespace
