@@ -109,6 +109,8 @@ class ServedLink final : public StationLink {
   [[nodiscard]] Result<void, OrderError> fill_gaps();
   /// Notes in the archive that an event was seen. @param event  its number there
   [[nodiscard]] Result<void, OrderError> acknowledge(std::int64_t event, const std::string& who);
+  /// Whether the server has an archive.
+  [[nodiscard]] bool has_archive() const { return connection_.welcome().value("archive", false); }
   /// Why the server records nothing now; empty: it does.
   [[nodiscard]] const std::string& archive_problem() const { return archive_problem_; }
   /// Whether the server had the line when it was found.

@@ -2,9 +2,25 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "ground/api/answered_orders.hpp"
 
-#include <algorithm>
+#include <cstdio>
 
 namespace srfs::ground::api {
+
+AnsweredOrders::AnsweredOrders(std::optional<OrderJournal> journal) : journal_(std::move(journal)) {
+  if (!journal_) return;
+  const HttpResponse not_ended =
+      unknown_response("the web gateway ended before the order did: not known whether it was carried out");
+  for (const OrderJournal::Order& order : journal_->orders()) {
+    orders_[order.key] = {order.digest, order.answer.value_or(not_ended), true};
+    kept_.push_back(order.key);
+  }
+}
+
+void AnsweredOrders::report(const Result<void, std::string>& written) {
+  if (written || std::exchange(reported_, true)) return;
+  std::fprintf(stderr, "orders are not remembered beyond the end of this process: %s\n",
+               written.error().c_str());
+}
 
 bool AnsweredOrders::is_key(const std::string& key) {
   constexpr std::string_view letters = "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789-_";
@@ -13,7 +29,7 @@ bool AnsweredOrders::is_key(const std::string& key) {
 }
 
 std::optional<HttpResponse> AnsweredOrders::begin(const std::string& key, const std::string& digest,
-                                                  milliseconds patience) {
+                                                  milliseconds patience, bool journaled) {
   std::unique_lock lock(mutex_);
   const auto decided = [&] {
     const auto found = orders_.find(key);
@@ -21,8 +37,11 @@ std::optional<HttpResponse> AnsweredOrders::begin(const std::string& key, const 
   };
   if (!ended_.wait_for(lock, patience, decided))
     return error_response(409, "the first request with this Idempotency-Key is still being carried out");
-  const auto [found, is_new] = orders_.try_emplace(key, Order{digest, std::nullopt});
-  if (is_new) return std::nullopt;
+  const auto [found, is_new] = orders_.try_emplace(key, Order{digest, std::nullopt, journaled});
+  if (is_new) {
+    if (journaled && journal_) report(journal_->begin(key, digest));
+    return std::nullopt;
+  }
   if (found->second.digest != digest)
     return error_response(422, "this Idempotency-Key was used for another request");
   HttpResponse again = *found->second.answer;
@@ -35,7 +54,10 @@ void AnsweredOrders::end(const std::string& key, const HttpResponse& answer) {
   const auto found = orders_.find(key);
   if (found == orders_.end()) return;
   const bool carried_out = answer.status >= 200 && answer.status < 300;
-  if (carried_out || answer.status == unknown_outcome) {
+  const bool kept = carried_out || answer.status == unknown_outcome;
+  if (found->second.journaled && journal_)
+    report(journal_->end(key, kept ? std::optional(answer) : std::nullopt));
+  if (kept) {
     found->second.answer = answer;
     kept_.push_back(key);
   } else {

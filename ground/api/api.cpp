@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdio>
 
 #include <fmt/format.h>
 #include <unistd.h>
@@ -187,11 +188,26 @@ nlohmann::json archived_json(const StoredPacket& stored, Archive& archive,
   return to_json(decode_telemetry(dictionary, stored.packet));
 }
 
+namespace {
+
+/// nullopt: orders are remembered by this process alone.
+std::optional<OrderJournal> open_journal(const std::filesystem::path& file) {
+  if (file.empty()) return std::nullopt;
+  auto journal = OrderJournal::open(file, AnsweredOrders::kept_max);
+  if (journal) return std::move(*journal);
+  std::fprintf(stderr, "orders are not remembered beyond the end of this process: %s\n",
+               journal.error().c_str());
+  return std::nullopt;
+}
+
+}  // namespace
+
 Api::Api(const mission::Dictionary& dictionary, Gateway& gateway, Settings settings)
     : dictionary_(dictionary),
       gateway_(gateway),
       settings_(std::move(settings)),
-      dictionary_text_(json_response(200, to_json(dictionary)).body) {
+      dictionary_text_(json_response(200, to_json(dictionary)).body),
+      answered_(open_journal(settings_.orders_file)) {
   remove_old_uploads(settings_.state_dir / uploads_folder);
 }
 
@@ -243,7 +259,12 @@ HttpResponse Api::answer_once(const HttpRequest& request, const Found& found) {
   if (!AnsweredOrders::is_key(key))
     return error_response(400, fmt::format("'Idempotency-Key': expected {} to {} letters, digits, '-' or '_'",
                                            AnsweredOrders::key_octets_min, AnsweredOrders::key_octets_max));
-  if (const auto known = answered_.begin(key, digest_of(request), HttpServer::write_patience)) return *known;
+  // The archive knows more of a telecommand than that it was begun: whether it was sent.
+  const Endpoint endpoint = found.route->endpoint;
+  const bool is_telecommand = endpoint == Endpoint::telecommand || endpoint == Endpoint::retrieve;
+  const bool journaled = !is_telecommand || !gateway_.records_telecommands();
+  const auto known = answered_.begin(key, digest_of(request), HttpServer::write_patience, journaled);
+  if (known) return *known;
   HttpResponse response = unknown_response("the request has failed; whether it was carried out is not known");
   try {
     response = answer_route(request, found);

@@ -157,6 +157,7 @@ void Gateway::set_line(bool open, const std::string& why) {
 void Gateway::tell_state(MonotonicTime now) {
   if (now < next_state_) return;
   next_state_ = now + state_period;
+  records_telecommands_ = link_->has_archive() && link_->archive_problem().empty();
   nlohmann::json stats = to_json(link_->counters());
   nlohmann::json transfers{{"type", "transfers"}, {"transfers", nlohmann::json::array()}};
   for (const auto& report : link_->transfers()) transfers["transfers"].push_back(to_json(report));

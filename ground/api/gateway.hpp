@@ -61,6 +61,8 @@ class Gateway {
   [[nodiscard]] HttpResponse order(Work work);
   [[nodiscard]] Snapshot snapshot();
   [[nodiscard]] StreamHub& stream() { return stream_; }
+  /// Whether the server's archive knows each telecommand that was sent.
+  [[nodiscard]] bool records_telecommands() const { return records_telecommands_; }
 
   // For Work alone.
   [[nodiscard]] HttpResponse send(const TelecommandRequest& order);
@@ -116,6 +118,7 @@ class Gateway {
   std::string told_stats_;
   std::string told_transfers_;
   bool line_open_ = false;
+  std::atomic<bool> records_telecommands_{false};
 };
 
 /// The answer to an order without a result. @param refused  status when nothing was done

@@ -99,6 +99,7 @@ Result<void, std::string> run_web_gateway(const mission::Dictionary& dictionary,
   Api api(dictionary, **gateway,
           {.state_dir = state_dir,
            .web_root = options.root.empty() ? default_web_root() : options.root,
+           .orders_file = is_first ? state_dir / "web_orders" : std::filesystem::path(),
            .tokens = file->tokens,
            .site = site_of(*address, port, tls)});
   (*server)->start(api);

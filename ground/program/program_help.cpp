@@ -91,7 +91,7 @@ std::string man_page(const CLI::App& app, const std::string& program, const std:
   }
   return page +
          ".SH EXIT STATUS\n0 done; 1 rejected, failed, unanswered or incomplete; 2 arguments, files or port "
-         "unusable; 3 the link was closed\n";
+         "unusable; 3 the link was closed; 4 not known whether it was sent: the server ended\n";
 }
 
 }  // namespace srfs::ground

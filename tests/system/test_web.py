@@ -25,12 +25,13 @@ from srfs.flight.processes import wait_until
 class WebServer:
     """`srfs-ground serve --web 0`, started again after each kill()."""
 
-    def __init__(self, var):
+    def __init__(self, var, *options):
         self.var = var
+        self.options = options
         self.start()
 
     def start(self):
-        command = [str(BIN / "srfs-ground"), "--port", str(self.var / "rs422"), "serve", "--web", "0"]
+        command = [str(BIN / "srfs-ground"), "--port", str(self.var / "rs422"), "serve", "--web", "0", *self.options]
         self.process = subprocess.Popen(command, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, text=True)
         assert self.process.stdout.readline().startswith("serving")
         line = self.process.stdout.readline()
@@ -120,9 +121,9 @@ class Stream:
 
 class WebTest(SystemTest):
     @contextlib.contextmanager
-    def web_flight(self):
+    def web_flight(self, *options):
         with self.flight():
-            web = WebServer(self.var)
+            web = WebServer(self.var, *options)
             streams = []
             try:
                 yield web, lambda *a: streams.append(Stream(web, *a)) or streams[-1]
@@ -268,6 +269,35 @@ class WebTest(SystemTest):
             for path in ("telecommands", "cop", "keys", "retrieve", "transfers/1:1", "events/1/acknowledge"):
                 self.assertEqual(web.ask("POST", path, deep)[0], 400, path)
             self.assertEqual(web.gateway(), gateway)
+
+    def test_an_order_whose_server_was_killed_is_of_unknown_outcome_and_not_carried_out_again(self):
+        with self.web_flight("--no-archive") as (web, _):
+            orders = {"uplink?name=up.bin": b"octets", "telecommands": {"name": "eps.switch_load", "arguments": {"load": 2, "state": "on"}}}
+            journal = self.var / "ground/web_orders"
+            for number, (path, body) in enumerate(orders.items()):
+                key = f"killed-order-{number}"
+                send = lambda p=path, b=body, k=key: web.ask("POST", p, b, headers={"Idempotency-Key": k})  # noqa: E731
+                ended = []
+
+                def order(send=send, ended=ended):
+                    with contextlib.suppress(OSError, http.client.HTTPException):
+                        ended.append(send())
+
+                web.process.send_signal(signal.SIGSTOP)
+                ordering = threading.Thread(target=order)
+                ordering.start()
+                wait_until(lambda k=key: k in journal.read_text(), DEADLINE_S, "the order is begun")
+                web.kill()  # and with it its gateway
+                ordering.join(DEADLINE_S)
+                self.assertEqual(ended, [], "nobody answered it")
+                web.start()
+                status, again = send()
+                self.assertEqual((status, again["outcome"]), (504, "unknown"), again)
+            self.assertEqual(web.ask("GET", "transfers?live=true")[1], [], "the file is not on its way")
+            self.assertEqual(web.ask("POST", "telecommands", orders["telecommands"], headers={"Idempotency-Key": "a-new-order"})[0], 202)
+            sent = lambda: web.ask("GET", "station")[1]["telecommands_sent"]  # noqa: E731
+            wait_until(sent, DEADLINE_S, "the new order is sent")
+            self.assertEqual(sent(), 1, "by this server")
 
     def test_other_machines_need_tls_and_a_name_of_the_certificate(self):
         certificate, key = self.folder / "station.pem", self.folder / "station.key"

@@ -15,7 +15,7 @@ from srfs.flight import deployments
 
 TOP = ("docs", "lib", "nodes", "programs", "tests", "tools", "python", "ground", "hw_sim", "msgs", "launch_config", "packaging", "examples", "cmake")
 # Folders of a running deployment (VAR) and of an installation whose names begin like folders of the tree.
-NOT_OURS = re.compile(r"^(ground/(files|uplink\.json|web\.json|package_test\.seed)|lib/(systemd|modules)|docs/how-to/yamcs/(mdb|etc/(events|tc_uplink)))")
+NOT_OURS = re.compile(r"^(ground/(files|uplink\.json|web\.json|web_orders|dictionary\.cache|package_test\.seed)|lib/(systemd|modules)|docs/how-to/yamcs/(mdb|etc/(events|tc_uplink)))")
 SOURCE = re.compile(r"(?<![\w./*-])[a-z][a-z0-9_]*\.(?:cpp|hpp|py|jinja|cmake)\b")
 TREE = [p for p in subprocess.run(["git", "-C", ROOT, "ls-files", "--cached", "--others", "--exclude-standard"], capture_output=True, text=True, check=False)
         .stdout.splitlines()] or [str(p.relative_to(ROOT)) for p in ROOT.rglob("*") if "build-" not in str(p)]  # fmt: skip
