@@ -6,6 +6,7 @@
 #include <set>
 
 #include "base/file.hpp"
+#include "ground/dictionary_cache.hpp"
 #include "suite/added_nodes.hpp"
 
 namespace srfs::ground {
@@ -25,6 +26,7 @@ std::vector<std::filesystem::path> files_of(const std::filesystem::path& folder)
 
 Result<mission::Dictionary, std::string> load_dictionary(const std::filesystem::path& dictionary,
                                                          const FragmentSources& sources,
+                                                         const std::filesystem::path& cache,
                                                          std::vector<std::string>& warnings) {
   std::vector<mission::Fragment> fragments;
   std::set<std::string> nodes;
@@ -51,6 +53,8 @@ Result<mission::Dictionary, std::string> load_dictionary(const std::filesystem::
   for (const suite::AddedNode& node : added.added.nodes) {
     if (!node.dictionary.empty()) take({"fragment of " + node.name, node.dictionary});
   }
+  const DictionaryCache kept(cache, dictionary, fragments);
+  if (auto known = kept.load()) return std::move(*known);
   try {
     std::vector<mission::RefusedFragment> refused;
     mission::Dictionary loaded = mission::Dictionary::load_fitting(dictionary, fragments, refused);
@@ -61,6 +65,7 @@ Result<mission::Dictionary, std::string> load_dictionary(const std::filesystem::
       if (was_named) return Err(one.why);
       warnings.push_back(one.why);
     }
+    if (refused.empty()) kept.keep(loaded);
     return loaded;
   } catch (const ConfigError& e) {
     return Err(std::string(e.what()));

@@ -20,9 +20,10 @@ struct FragmentSources {
 
 /// The mission dictionary with the fragments that are found. Blocks on the disk.
 /// @param warnings  what of folder and VAR is not used, ready to print
+/// @param cache  file of a DictionaryCache
 /// @return why it cannot be used, ready to print
 [[nodiscard]] Result<mission::Dictionary, std::string> load_dictionary(
     const std::filesystem::path& dictionary, const FragmentSources& sources,
-    std::vector<std::string>& warnings);
+    const std::filesystem::path& cache, std::vector<std::string>& warnings);
 
 }  // namespace srfs::ground

@@ -10,6 +10,7 @@
 #include <unistd.h>
 
 #include "base/version.hpp"
+#include "ground/dictionary_cache.hpp"
 #include "ground/files.hpp"
 #include "ground/fragments.hpp"
 #include "ground/name_hint.hpp"
@@ -19,13 +20,25 @@
 namespace srfs::ground::program {
 namespace {
 
+suite::Deployment load_deployment(const Arguments& a) {
+  const auto deployment = find_deployment(a.deployment);
+  if (!deployment) throw std::runtime_error(deployment.error());
+  return suite::Deployment::load(*deployment);
+}
+
+/// Read once: a run of the program has one, and reading it takes longer than all else that a short command
+/// does.
+const suite::Deployment& deployment_of(const Arguments& a) {
+  static const suite::Deployment deployment = load_deployment(a);
+  return deployment;
+}
+
 /// As the deployment says; it need not be readable for verbs that do without.
 std::filesystem::path dictionary_of(const Arguments& a) {
   try {
-    const auto deployment = find_deployment(a.deployment);
-    auto own = deployment ? suite::Deployment::load(*deployment).dictionary : std::filesystem::path();
+    const auto& own = deployment_of(a).dictionary;
     if (!own.empty()) return own;
-  } catch (const ConfigError&) {
+  } catch (const std::runtime_error&) {
     // who needs the deployment reports it
   }
   return mission::Dictionary::default_folder();
@@ -80,18 +93,16 @@ Exit operate(Arguments& a, Verb verb) {
   const std::filesystem::path state_dir =
       a.state.empty() ? var_dir / "ground" : std::filesystem::path(a.state);
   std::vector<std::string> warnings;
-  auto dictionary =
-      load_dictionary(dictionary_of(a),
-                      {{a.fragments.begin(), a.fragments.end()}, state_dir / "fragments", var_dir}, warnings);
+  auto dictionary = load_dictionary(
+      dictionary_of(a), {{a.fragments.begin(), a.fragments.end()}, state_dir / "fragments", var_dir},
+      state_dir / dictionary_cache_name, warnings);
   if (!dictionary) return fail(a, dictionary.error());
   for (const std::string& warning : warnings) std::fprintf(stderr, "srfs-ground: %s\n", warning.c_str());
   return verb({a, var_dir, state_dir, std::move(*dictionary)});
 }
 
 suite::LinkSettings link_of(const Arguments& a) {
-  const auto deployment = find_deployment(a.deployment);
-  if (!deployment) throw std::runtime_error(deployment.error());
-  return suite::Deployment::load(*deployment).link;
+  return deployment_of(a).link;
 }
 
 wire::FopSettings fop_settings(const Arguments& a) {

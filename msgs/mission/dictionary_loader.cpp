@@ -13,6 +13,7 @@
 
 #include "base/config.hpp"
 #include "msgs/mission/dictionary.hpp"
+#include "msgs/mission/dictionary_parts.hpp"
 
 namespace srfs::mission {
 namespace {
@@ -192,6 +193,13 @@ class DictionaryLoader {
     check_unique();
     return std::move(d_);
   }
+
+  static DictionaryParts parts_of(Dictionary& d) {
+    return {d.enums_,          d.spacecraft_id_, d.apids_,         d.structures_, d.commands_,
+            d.events_,         d.stores_,        d.failure_codes_, d.parameters_, d.payloads_,
+            d.beacon_sources_, d.monitors_,      d.event_actions_, d.attitude_};
+  }
+  static Dictionary empty() { return {}; }
 
  private:
   void read_shared(const ConfigSection& file) {
@@ -661,6 +669,14 @@ class DictionaryLoader {
   std::map<std::string, ConfigSection> by_name_;
   std::map<std::string, std::int64_t> parameter_ids_;  ///< first ids that the mission chose
 };
+
+DictionaryParts parts_of(Dictionary& dictionary) {
+  return DictionaryLoader::parts_of(dictionary);
+}
+
+Dictionary empty_dictionary() {
+  return DictionaryLoader::empty();
+}
 
 std::optional<std::string> Fragment::node() const {
   try {
