@@ -50,7 +50,13 @@ std::optional<CommandKey> read_key(const VarPaths& var, std::string_view name) {
   return std::nullopt;
 }
 
-/// Whole or not at all. @param replace  else one that is there stays
+/// One that was cut short, or is something else.
+bool is_no_key(const std::filesystem::path& file, const VarPaths& var) {
+  const auto content = read_private(file, 1U << 20, var.owner());
+  return content && content->size() != CommandKey{}.size();
+}
+
+/// Whole or not at all. @param replace  else one that is there stays, if it is a key
 Result<void, std::string> write_key(const VarPaths& var, std::string_view name, const CommandKey& key,
                                     bool replace) {
   std::string why;
@@ -62,9 +68,10 @@ Result<void, std::string> write_key(const VarPaths& var, std::string_view name, 
     }
     const std::string temporary = fmt::format("{}.{}", file.string(), getpid());
     const auto fd = open_private(temporary, O_WRONLY | O_CREAT | O_TRUNC, var.owner());
-    const bool written = fd && write(fd->get(), key.data(), key.size()) == static_cast<ssize_t>(key.size()) &&
-                         (replace ? rename(temporary.c_str(), file.c_str()) == 0
-                                  : link(temporary.c_str(), file.c_str()) == 0 || errno == EEXIST);
+    const bool written =
+        fd && write(fd->get(), key.data(), key.size()) == static_cast<ssize_t>(key.size()) &&
+        (replace || is_no_key(file, var) ? rename(temporary.c_str(), file.c_str()) == 0
+                                         : link(temporary.c_str(), file.c_str()) == 0 || errno == EEXIST);
     if (!written && why.empty())
       why = fd ? fmt::format("{}: {}", file.string(), errno_text(errno)) : fd.error().message;
     unlink(temporary.c_str());

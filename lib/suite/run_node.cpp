@@ -11,6 +11,7 @@
 #include <fmt/format.h>
 #include <malloc.h>
 #include <sys/epoll.h>
+#include <sys/random.h>
 #include <sys/signalfd.h>
 #include <unistd.h>
 #include <CLI/CLI.hpp>
@@ -344,10 +345,13 @@ void use_dictionary_of(const Deployment& deployment) {
 }
 
 void seal_datagrams_of(const VarPaths& var) {
-  const auto key = suite_seal_key(var);
+  auto key = suite_seal_key(var);
   if (!key) {
-    log::error("the other nodes take this one for foreign, and it all others: {}", key.error());
-    return;
+    log::error("the other nodes take this one for foreign, and it all others, until there is a key: {}",
+               key.error());
+    key = ros::SealKey{};
+    if (getrandom(key->data(), key->size(), 0) != static_cast<ssize_t>(key->size()))
+      throw ConfigError("no random numbers: " + errno_text(errno));
   }
   ros::seal_datagrams(*key, [var] {
     const auto now = suite_seal_key(var);

@@ -340,7 +340,11 @@ ros::CallbackReturn TtcNode::on_configure() {
 
 void TtcNode::subscribe() {
   const auto keep = [this](auto subscription) { subscriptions_.push_back(std::move(subscription)); };
-  signer_.emplace(var(), deployment().open_orders);
+  signer_.emplace(var(), deployment().open_orders, [this] {
+    std::vector<std::string> names;
+    for (const auto& node : deployment().nodes) names.push_back(node.name);
+    return names;
+  });
   telecommands_ = create_publisher(suite::topics::telecommand);
   mode_publisher_ = create_publisher(suite::topics::mode);
   keep(create_subscription(suite::topics::time_tick,

@@ -69,17 +69,24 @@ void CommandAuthority::prove(srfs_msgs::msg::TelecommandReport& report) const {
   if (key_) report.proof = srfs::prove(*key_, report);
 }
 
-CommandSigner::CommandSigner(suite::VarPaths var, bool open) : var_(std::move(var)), open_(open) {
+CommandSigner::CommandSigner(suite::VarPaths var, bool open, Nodes nodes)
+    : var_(std::move(var)), open_(open), nodes_(std::move(nodes)) {
   read_key();
 }
 
 void CommandSigner::read_key() {
   key_read_ = monotonic_now();
   const auto key = suite::suite_command_key(var_, key_);
-  if (key) {
-    key_ = *key;
-  } else if (!key_) {
-    log::error("no node will execute a telecommand: {}", key.error());
+  if (!key) {
+    if (!key_) log::error("no node will execute a telecommand: {}", key.error());
+    return;
+  }
+  if (key_ == *key) return;
+  key_ = *key;
+  // A confined node cannot derive its own of a key that was made anew; it reads it when a proof is wrong.
+  for (const std::string& node : nodes_()) {
+    if (const auto handed = suite::hand_out_command_key(var_, node); !handed)
+      log::error("{} may execute no telecommand: {}", node, handed.error());
   }
 }
 

@@ -2,7 +2,10 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <functional>
 #include <optional>
+#include <string>
+#include <vector>
 
 #include <srfs_msgs/msg/telecommand.hpp>
 #include <srfs_msgs/msg/telecommand_report.hpp>
@@ -44,8 +47,11 @@ class CommandAuthority {
 /// ttc's side: the proofs of its telecommands, and which reports it believes. On the work thread.
 class CommandSigner {
  public:
+  using Nodes = std::function<std::vector<std::string>()>;
+
   /// Reads the suite's key, or makes it. @param open  all reports are believed
-  CommandSigner(suite::VarPaths var, bool open);
+  /// @param nodes  names of those that get a key of it
+  CommandSigner(suite::VarPaths var, bool open, Nodes nodes);
 
   /// The key may have been made anew meanwhile: read again, at most once a second. Where its file is missing,
   /// the one that is known is written again: the nodes hold theirs of it.
@@ -57,6 +63,7 @@ class CommandSigner {
 
   suite::VarPaths var_;
   bool open_;
+  Nodes nodes_;
   std::optional<suite::CommandKey> key_;
   MonotonicTime key_read_;
 };

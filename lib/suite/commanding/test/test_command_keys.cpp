@@ -2,7 +2,10 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "suite/command_keys.hpp"
 
+#include <algorithm>
 #include <set>
+#include <string>
+#include <vector>
 
 #include <sys/stat.h>
 #include <unistd.h>
@@ -10,6 +13,7 @@
 #include <gtest/gtest.h>
 
 #include "base/file.hpp"
+#include "suite/commanding/command_authority.hpp"
 #include "tests/temporary_folder.hpp"
 
 namespace srfs::suite {
@@ -61,6 +65,32 @@ TEST_F(CommandKeys, ANodeFollowsASuitesKeyThatWasMadeAnew) {
   EXPECT_NE(of("payload_eps"), before);
   EXPECT_EQ(of("payload_eps"), command_key_of(suite_key, "payload_eps"));
   EXPECT_EQ(suite_command_key(var_, CommandKey{1}).value(), suite_key) << "what is there holds";
+}
+
+TEST_F(CommandKeys, AStartingTtcGivesEachNodeTheKeyThatFollowsFromItsOwn) {
+  (void)of("payload_eps");
+  ASSERT_TRUE(std::filesystem::remove(order_keys(var_) / "command_key"));
+  const CommandSigner signer(var_, false, [] { return std::vector<std::string>{"payload_eps", "timing"}; });
+  const CommandKey suite_key = of_suite();
+  for (const char* node : {"payload_eps", "timing"}) {
+    // As a confined node reads it, for which the suite's does not exist.
+    const auto file = read_file(order_keys(var_) / ("of_" + std::string(node)) / "command_key", 64);
+    ASSERT_TRUE(file) << node;
+    const CommandKey key = command_key_of(suite_key, node);
+    EXPECT_TRUE(std::equal(file->begin(), file->end(), key.begin(), key.end(), [](char a, std::uint8_t b) {
+      return static_cast<std::uint8_t>(a) == b;
+    })) << node;
+  }
+}
+
+TEST_F(CommandKeys, AFileThatIsCutShortIsMadeAnew) {
+  for (const std::string& content : {std::string(), std::string("short"), std::string(200, 'x')}) {
+    (void)of_suite();
+    ASSERT_TRUE(write_file_atomically(order_keys(var_) / "command_key", content));
+    const CommandKey made = of_suite();
+    EXPECT_EQ(of_suite(), made) << content.size();
+    EXPECT_EQ(std::filesystem::file_size(order_keys(var_) / "command_key"), made.size());
+  }
 }
 
 TEST_F(CommandKeys, OtherUsersCannotReadThem) {
