@@ -69,7 +69,7 @@ class MasterMaker {
   static constexpr int frames_least = 3;
   static constexpr int frames_most = 1000;
   static constexpr std::size_t defects_listed_most = 10'000;
-  static constexpr double defects_share_most = 0.05;  ///< of the pixels
+  static constexpr double defects_share_most = 0.1;  ///< of the pixels
 
  private:
   [[nodiscard]] Result<Made, Refusal> made();

@@ -367,7 +367,7 @@ void strengthen_pattern(SkyRandom& random, LensScene& scene) {
   d.column_pattern_e = random.uniform(0.2, 1.5) * noise_e;
   d.row_pattern_e = random.uniform(0, 0.8) * noise_e;
   d.pixel_pattern_e = random.uniform(0.2, 1.5) * noise_e;
-  d.warm_share = random.uniform(0.01, 0.15);
+  d.warm_share = random.uniform(0.01, 0.1);
   d.warm_e = random.uniform(5, 30) * noise_e;
   d.cosmic_rays = static_cast<int>(random.uniform(0, 30) * scene.width * scene.height / 1e6);
   scene.lens.fwhm_px = random.uniform(0.9, 2);

@@ -57,6 +57,24 @@ class DetectProgramTest(unittest.TestCase):
         assert made.returncode == 0, made.stderr
         cls.frames = sorted(str(p) for p in Path(cls.folder.name).glob("*.fits"))
 
+    def test_makes_a_dark_and_names_it_where_it_is_used(self):
+        with TemporaryFolder() as name:
+            made = subprocess.run([BIN / "bench_image", name, "--set", "pattern", "--frames", "1", "--width", "320", "--height", "240", "--seed", "5"],
+                                  capture_output=True, text=True, timeout=120)  # fmt: skip
+            self.assertEqual(made.returncode, 0, made.stderr)
+            darks, frame, masters = sorted(Path(name).glob("*_dark_*.fits")), Path(name) / "pattern_000.fits", str(Path(name) / "masters")
+            no_folder = detect("--method", "calibrate", *darks)
+            self.assertEqual((no_folder.returncode, "--calibration" in no_folder.stderr), (2, True), no_folder.stderr)
+            few = detect("--method", "calibrate", "--calibration", masters, *darks[:2])
+            self.assertEqual((few.returncode, "needs 3 frames" in few.stderr), (1, True), few.stderr)
+            flat = detect("--method", "calibrate", "--params", "kind=1", "--calibration", masters, frame, frame, frame)
+            self.assertEqual((flat.returncode, "there is no dark of 320 x 240 px, 1 s" in flat.stderr), (1, True), flat.stderr)
+
+            dark = json.loads(detect("--method", "calibrate", "--json", "--calibration", masters, *darks).stdout)["master"]
+            found = json.loads(detect("--method", "star_centroid", "--json", "--calibration", masters, frame).stdout)
+            self.assertEqual((dark["kind"], dark["generation"], dark["frames"]), ("dark", 1, len(darks)))
+            self.assertEqual((found["calibration"], found["frames"][0]["dark"]), ([dark], 1))
+
     def test_lists_what_it_found_in_every_frame_in_order(self):
         run = detect("--method", "star_centroid", "--json", *self.frames)
         self.assertEqual(run.returncode, 0, run.stderr)

@@ -218,12 +218,12 @@ Result<MasterMaker::Made, Refusal> master_with_defects(int width, int height, in
 }
 
 TEST(Calibration, RefusesAMasterWhoseDefectsAreMoreThanADetectorHas) {
-  EXPECT_TRUE(master_with_defects(100, 80, 23));
+  EXPECT_TRUE(master_with_defects(100, 80, 11));
 
-  const auto made = master_with_defects(100, 80, 13);
+  const auto made = master_with_defects(100, 80, 9);
 
   ASSERT_FALSE(made);
-  EXPECT_THAT(made.error().reason, HasSubstr("7.7 % of the pixels would be defects, more than 5 %"));
+  EXPECT_THAT(made.error().reason, HasSubstr("11.1 % of the pixels would be defects, more than 10 %"));
 }
 
 TEST(Calibration, ListsTheStrongestDefectsAndCountsAll) {

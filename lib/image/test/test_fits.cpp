@@ -175,17 +175,23 @@ TEST(Fits, CardsAreReadByCfitsioAsTheyWereGiven) {
   fits_clear_errmsg();
 }
 
-TEST(Fits, KeepsWhenTheExposureBeganAndWherePixelsAreSaturated) {
+TEST(Fits, KeepsTheExposureTheDetectorsSettingAndWherePixelsAreSaturated) {
   const testing_support::TemporaryFolder folder;
   Frame frame;
   frame.pixels = ramp();
   frame.time_s = 1795334400.25;
+  frame.exposure_s = 0.25;
+  frame.gain = 6.5;
+  frame.temperature_k = 283.25;
   frame.saturation_adu = 4095;
   ASSERT_TRUE(write_fits(folder.path() / "dated.fits", frame));
 
   const auto found = read_frame(folder.path() / "dated.fits");
   expect_ramp(found);
   EXPECT_EQ(found->time_s, frame.time_s);
+  EXPECT_EQ(found->exposure_s, frame.exposure_s);
+  EXPECT_EQ(found->gain, frame.gain);
+  EXPECT_NEAR(found->temperature_k.value_or(0), 283.25, 1e-9);
   EXPECT_EQ(found->saturation_adu, frame.saturation_adu);
 }
 
