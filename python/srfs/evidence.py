@@ -30,7 +30,7 @@ PAGES = {
         "Measurements",
         ["This page lists the newest result of every measurement of SRFS.", *COMMITS,
          "Recovery from faults has a page of its own: [fault campaign](fault_campaign.md)."],
-        ("ros", "ring", "can", "time", "link", "imaging", "detector", "packages", "updates", "paper_figures", "hardening", "page"),
+        ("ros", "ring", "can", "time", "link", "ground", "imaging", "detector", "packages", "updates", "paper_figures", "hardening", "page"),
     ),
     "fault_campaign.md": (
         "Fault campaign",

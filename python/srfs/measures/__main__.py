@@ -7,9 +7,9 @@ import json
 import sys
 
 from srfs import program
-from srfs.measures import can, detector, flight, imaging, link, ros, time_discipline
+from srfs.measures import can, detector, flight, ground, imaging, link, ros, time_discipline
 
-MEASURES = {"ros": ros, "mission": flight, "can": can, "link": link, "time": time_discipline, "image": detector, "imaging": imaging}
+MEASURES = {"ros": ros, "mission": flight, "can": can, "link": link, "ground": ground, "time": time_discipline, "image": detector, "imaging": imaging}
 
 
 def main():
