@@ -3,11 +3,16 @@
 #include "suite/step_down.hpp"
 
 #include <algorithm>
+#include <array>
 #include <sstream>
 
+#include <fcntl.h>
 #include <fmt/format.h>
+#include <unistd.h>
 
 #include "base/crc32c.hpp"
+#include "base/fd.hpp"
+#include "base/file.hpp"
 #include "base/text.hpp"
 
 namespace srfs::suite {
@@ -187,10 +192,34 @@ constexpr StateCodec<StepRecord> codec{
                    const StepRecord& than) { return record.revision > than.revision; },
 };
 
+constexpr std::array copies{"step_a", "step_b"};
+
+/// Over what is there; a record is smaller than the block of the disk that the file has already.
+bool overwrite(const std::filesystem::path& file, const std::string& text) {
+  const Fd fd(open(file.c_str(), O_WRONLY | O_CLOEXEC | O_NOFOLLOW));
+  const auto octets = static_cast<ssize_t>(text.size());
+  return fd && pwrite(fd.get(), text.data(), text.size(), 0) == octets && ftruncate(fd.get(), octets) == 0 &&
+         fsync(fd.get()) == 0;
+}
+
 }  // namespace
 
 StepStore::StepStore(const std::filesystem::path& boot_folder)
-    : StateFile(boot_folder / "step_a", boot_folder / "step_b", codec) {}
+    : StateFile(boot_folder / copies[0], boot_folder / copies[1], codec), folder_(boot_folder) {}
+
+StepStore::Stored StepStore::store(const StepRecord& record) {
+  Stored stored = StateFile::store(record);
+  if (stored.durable()) return stored;
+  std::array<std::uint32_t, copies.size()> revisions{};  // 0: damaged
+  for (std::size_t i = 0; i < copies.size(); ++i) {
+    const auto text = read_file(folder_ / copies.at(i), largest_octets);
+    const auto found = text ? decode_step_record(*text) : std::nullopt;
+    revisions.at(i) = found ? found->revision : 0;
+  }
+  const std::size_t older = revisions[0] <= revisions[1] ? 0 : 1;
+  if (overwrite(folder_ / copies.at(older), encode(record))) ++stored.copies;
+  return stored;
+}
 
 StepRecord StepStore::read() {
   const Found found = load();

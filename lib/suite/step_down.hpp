@@ -89,6 +89,9 @@ class StepStore : public StateFile<StepRecord> {
   explicit StepStore(const std::filesystem::path& boot_folder);
   /// The record as it is; where both copies are damaged a new one that says so.
   [[nodiscard]] StepRecord read();
+  /// Where no room is left for a new file, a copy is overwritten in place: a full disk must not keep starts
+  /// from being counted. A cut then costs that copy alone.
+  [[nodiscard]] Stored store(const StepRecord& record);
   /// Changes it. @return what went wrong; empty: it is on disk, or nothing changes
   template <class Change>
   [[nodiscard]] std::string change(Change modify) {
@@ -96,8 +99,12 @@ class StepStore : public StateFile<StepRecord> {
     StepRecord after = modify(before);
     if (after == before) return "";
     ++after.revision;
-    return store(after).problem;
+    const Stored stored = store(after);
+    return stored.durable() ? "" : stored.problem;
   }
+
+ private:
+  std::filesystem::path folder_;
 };
 
 }  // namespace srfs::suite

@@ -20,7 +20,7 @@ namespace {
 constexpr int usage_exit_code = 2;
 constexpr int no_settings_exit_code = 3;
 constexpr std::string_view usage =
-    "srfs_rescue start|serve|check --settings FILE [--settings FILE] [-- COMMAND ...]\n"
+    "srfs_rescue start|serve|answer|check --settings FILE [--settings FILE] [-- COMMAND ...]\n"
     "  start   start the suite; after starts that did not become healthy a step lower, at last serve\n"
     "  serve   answer the ground at once\n"
     "  check   say whether the settings can be read; exit code 3: none can\n"

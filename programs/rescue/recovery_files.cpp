@@ -39,7 +39,8 @@ namespace failure = mission::failure;
 
 constexpr std::size_t most_entries = 4096;  // of a folder that is looked through
 constexpr std::size_t largest_manifest = 1U << 20;
-constexpr std::size_t synced_part = 4U << 20;  // of a file that is copied
+constexpr const char* reserve = "set_aside/reserve";  // of VAR
+constexpr std::size_t synced_part = 4U << 20;         // of a file that is copied
 /// Folders of VAR whose files may go down. Keys lie in others, and golden copies of keys.
 const std::set<std::string, std::less<>> may_leave{"log",      "state",     "store",  "files",
                                                    "versions", "set_aside", "images", "run"};
@@ -213,6 +214,8 @@ FilesResult<bool> RecoveryFiles::move_aside(const fs::path& relative, std::uint3
   if (lstat(from.c_str(), &info) != 0) return false;
   std::error_code ec;
   fs::create_directories(to.parent_path(), ec);
+  if (ec)
+    return Err(disk_failure(fmt::format("{}: cannot be made: {}", to.parent_path().string(), ec.message())));
   // What was set aside in this folder before a cut keeps its place.
   fs::path free = to;
   for (int copy = 2; lstat(free.c_str(), &info) == 0 && copy < 100; ++copy)
@@ -286,14 +289,19 @@ std::uint32_t RecoveryFiles::next_number(std::uint32_t recorded) const {
   return std::max(recorded, numbers.empty() ? 0 : numbers.front()) + 1;
 }
 
-std::uint32_t RecoveryFiles::drop_oldest() const {
+std::uint32_t RecoveryFiles::make_room(RoomFor what) const {
   std::vector<std::uint32_t> numbers = numbers_aside();
   std::uint32_t dropped = 0;
-  const auto is_full = [this] {
+  const auto has_less_than = [this](std::uint32_t mib) {
     const auto free = free_of(var_);
-    return free && *free < free_floor_mib;
+    return free && *free < mib;
   };
-  while (numbers.size() > 1 && (numbers.size() >= most_set_aside || is_full())) {
+  if (has_less_than(free_floor_mib)) unlink((var_ / reserve).c_str());
+  const auto is_one_too_many = [&] {
+    if (numbers.size() > 1) return numbers.size() >= most_set_aside || has_less_than(free_floor_mib);
+    return numbers.size() == 1 && what == RoomFor::an_order && has_less_than(last_mib);
+  };
+  while (is_one_too_many()) {
     const fs::path oldest = var_ / "set_aside" / std::to_string(numbers.back());
     numbers.pop_back();
     if (const auto gone = remove_tree(oldest, on_progress_); !gone) {
@@ -305,6 +313,16 @@ std::uint32_t RecoveryFiles::drop_oldest() const {
     ++dropped;
   }
   return dropped;
+}
+
+void RecoveryFiles::keep_reserve() const {
+  const fs::path file = var_ / reserve;
+  std::error_code ec;
+  fs::create_directories(file.parent_path(), ec);
+  const Fd fd(open(file.c_str(), O_RDWR | O_CREAT | O_CLOEXEC | O_NOFOLLOW | O_NONBLOCK, 0600));
+  for (off_t octets = reserve_octets; fd && octets >= reserve_octets / 16; octets /= 2) {
+    if (posix_fallocate(fd.get(), 0, octets) == 0) return;
+  }
 }
 
 std::string RecoveryFiles::use_last_good_versions() const {

@@ -38,7 +38,7 @@ enum class Mend : std::uint8_t {
 };
 
 /// What is done to the files of a suite that is down. What goes out of the way is renamed into
-/// VAR/set_aside/NUMBER, under its path below VAR; of these folders the oldest are deleted (drop_oldest), and
+/// VAR/set_aside/NUMBER, under its path below VAR; of these folders the oldest are deleted (make_room), and
 /// nothing else is. Each call may be cut off anywhere and made again. What is on the disk is not trusted: any
 /// file may hold any octets, be missing, or be a folder. Blocks on the disk.
 class RecoveryFiles {
@@ -65,10 +65,17 @@ class RecoveryFiles {
   /// lost.
   /// @param recorded  the newest one by the record
   [[nodiscard]] std::uint32_t next_number(std::uint32_t recorded) const;
+  enum class RoomFor : std::uint8_t {
+    measures,  ///< the newest folder stays, whatever happens
+    an_order,  ///< on a disk with less than last_mib it goes, too: nothing else on board could free the disk
+  };
   /// Makes room in VAR/set_aside for one more folder: the oldest (of the lowest number) go until fewer than
-  /// most_set_aside are left and the disk has free_floor_mib. The newest one is never deleted. Logged.
-  /// @return how many went
-  std::uint32_t drop_oldest() const;
+  /// most_set_aside are left and the disk has free_floor_mib; a full disk gets the reserve back. Logged.
+  /// @return how many folders went
+  std::uint32_t make_room(RoomFor what) const;
+  /// Keeps reserve_octets of the disk allocated, as many as there are: on a full disk not even a folder could
+  /// be made. make_room() gives them up.
+  void keep_reserve() const;
   /// Compares the files of the suite with their golden copies (VAR/golden).
   [[nodiscard]] FilesResult<MendCount> mend(Mend what) const;
   /// @param file    below VAR/files. @param target  relative: below VAR, where the suite keeps files of its
@@ -86,6 +93,8 @@ class RecoveryFiles {
   static constexpr std::uint64_t largest_fetched = 64U << 20;
   static constexpr std::size_t most_set_aside = 8;  ///< folders
   static constexpr std::uint32_t free_floor_mib = 64;
+  static constexpr std::uint32_t last_mib = 4;
+  static constexpr off_t reserve_octets = 1 << 20;
   static constexpr std::uint32_t highest_number = 999'999;  ///< a folder with a higher one is not ours
 
  private:

@@ -427,7 +427,7 @@ void Rescuer::failed(const TelecommandOrigin& origin, const FilesFailure& failur
 }
 
 std::uint32_t Rescuer::next_set_aside() {
-  (void)files_.drop_oldest();
+  (void)files_.make_room(RecoveryFiles::RoomFor::an_order);
   step_.set_aside = files_.next_number(step_.set_aside);
   const auto problem = suite::StepStore(std::filesystem::path(settings_.var) / "state/boot")
                            .change([this](suite::StepRecord r) {
@@ -507,6 +507,7 @@ void Rescuer::execute(const TelecommandOrigin& origin, const mission::RescueRebo
 
 void Rescuer::execute(const TelecommandOrigin& origin, const mission::RescueReset& order, MonotonicTime now) {
   const auto moved = files_.set_aside(order.part, next_set_aside(), link_store_);
+  files_.keep_reserve();
   if (!moved) return failed(origin, moved.error(), now);
   log::warn("{}: {} files and folders set aside", mission::to_text(order.part), *moved);
   done(origin, now);
@@ -525,6 +526,7 @@ void Rescuer::execute(const TelecommandOrigin& origin, const mission::RescueMend
 void Rescuer::execute(const TelecommandOrigin& origin, const mission::RescueRestore& order,
                       MonotonicTime now) {
   const auto restored = files_.restore(order.file, order.target, next_set_aside());
+  files_.keep_reserve();
   if (!restored) return failed(origin, restored.error(), now);
   done(origin, now);
 }

@@ -59,8 +59,9 @@ Starter::Starter(const suite::RescueSettings& settings)
 
 void Starter::save() {
   ++record_.revision;
-  if (const auto stored = store_.store(record_); !stored.problem.empty())
-    log::error("the start is not counted on the disk: {}", stored.problem);
+  const auto stored = store_.store(record_);
+  if (!stored.durable()) return log::error("the start is not counted on the disk: {}", stored.problem);
+  if (!stored.problem.empty()) log::warn("the start is counted in one copy alone: {}", stored.problem);
 }
 
 void Starter::count_start() {
@@ -98,7 +99,7 @@ void Starter::take_measures(suite::BootStep step) {
   record_.set_aside = files.next_number(record_.set_aside);
   save();  // the number before the folder
   log::warn("step {}: its measures are taken", to_text(step));
-  (void)files.drop_oldest();
+  (void)files.make_room(RecoveryFiles::RoomFor::measures);
   LinkStore link(std::filesystem::path(settings_.var) / "state" / "ttc");
   (void)link.load(monotonic_now());
   if (const auto problems = files.take_measures(step, record_.set_aside, link); !problems.empty())
@@ -157,6 +158,7 @@ void Starter::begin_start() {
     record_ = suite::on_measures_taken(record_, *step);
     save();
   }
+  RecoveryFiles(settings_).keep_reserve();
 }
 
 int Starter::start() {

@@ -47,8 +47,8 @@ def can_tests(program, full):
     return told["tests"] - told.get("disabled", 0) - failed, failed
 
 
-def mission_tests():
-    suite = unittest.defaultTestLoader.loadTestsFromName("test_mission")
+def python_tests(module):
+    suite = unittest.defaultTestLoader.loadTestsFromName(module)
     result = unittest.TextTestRunner(stream=sys.stdout, verbosity=2).run(suite)
     failed = len(result.failures) + len(result.errors)
     return max(result.testsRun - failed, 0), failed
@@ -58,17 +58,22 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--build", type=pathlib.Path, default=HERE.parents[1] / "build-release", metavar="DIR", help="default: %(default)s")
     parser.add_argument("--full", action="store_true", help="everything several times, in random order")
-    parser.add_argument("--only", choices=("can", "mission"), help="SocketCAN, ISO-TP, GPIO, pulses and camera, or the mission, alone")
+    parser.add_argument("--only", choices=("can", "mission", "storage"),
+                        help="SocketCAN, ISO-TP, GPIO, pulses and camera, the mission, or failing storage, alone")  # fmt: skip
     options = parser.parse_args()
     os.environ["SRFS_BIN"] = str(options.build / "bin")
     os.environ["SRFS_VM_FULL"] = str(int(options.full))
     sys.stdout.reconfigure(line_buffering=True)
-    load_modules()
+    if options.only != "storage":
+        load_modules()
     counts = []
-    if options.only != "mission":
+    if options.only in (None, "can"):
         counts.append(can_tests(str(options.build / "tests" / "vm_test_can"), options.full))
-    if options.only != "can":
-        counts.append(mission_tests())
+    if options.only in (None, "mission"):
+        counts.append(python_tests("test_mission"))
+    # Never on the disks of a real machine.
+    if os.environ.get("SRFS_IN_GUEST") == "1" and (options.only == "storage" or (options.full and not options.only)):
+        counts.append(python_tests("test_storage"))
     passed, failed = (sum(column) for column in zip(*counts))
     print(f"{passed} passed, {failed} failed")
     return int(failed != 0)

@@ -3,6 +3,7 @@
 #include <random>
 
 #include <gtest/gtest.h>
+#include <unistd.h>
 
 #include "base/file.hpp"
 #include "suite/step_down.hpp"
@@ -186,6 +187,30 @@ TEST(StepStore, OneDamagedCopyCostsNothingAndTwoAreReported) {
   ASSERT_TRUE(write_file_atomically(folder.path() / "step_b", "rubbish"));
   EXPECT_EQ(StepStore(folder.path()).read().cause, StepCause::record_damaged);
   EXPECT_EQ(StepStore(folder.path()).read().starts, 0U);
+}
+
+TEST(StepStore, WhereNoFileCanBeMadeTheOlderCopyIsOverwritten) {
+  const testing_support::TemporaryFolder folder;
+  const auto one_more_start = [&] {
+    return StepStore(folder.path()).change([](StepRecord r) {
+      r.detail = "srfs up: exit code 3";
+      return on_start(std::move(r), std::nullopt, policy);
+    });
+  };
+  ASSERT_EQ(one_more_start(), "");
+  const std::string first = read_file(folder.path() / "step_b").value_or("");
+  // What stands in the place of the temporary files, as a full disk does.
+  for (const char* copy : {"step_a", "step_b"})
+    std::filesystem::create_directories(folder.path() /
+                                        (std::string(copy) + "." + std::to_string(getpid()) + ".tmp") / "x");
+
+  ASSERT_EQ(one_more_start(), "");
+  EXPECT_EQ(StepStore(folder.path()).read().starts, 2U);
+  EXPECT_EQ(read_file(folder.path() / "step_b").value_or(""), first) << "the other copy stays whole";
+
+  ASSERT_EQ(one_more_start(), "");
+  EXPECT_EQ(StepStore(folder.path()).read().starts, 3U);
+  EXPECT_NE(read_file(folder.path() / "step_b").value_or(""), first) << "now it is the older one";
 }
 
 }  // namespace

@@ -16,6 +16,7 @@ namespace srfs::rescue {
 namespace {
 
 using mission::RescuePart;
+using RoomFor = RecoveryFiles::RoomFor;
 namespace failure = mission::failure;
 
 class RecoveryFilesTest : public ::testing::Test {
@@ -256,13 +257,13 @@ TEST_F(RecoveryFilesTest, OfWhatIsSetAsideTheOldestGoesAndTheNewestStays) {
     put("var/set_aside/" + std::to_string(number) + "/state/ttc/mode", "x");
   put("var/set_aside/notes", "of an operator");
 
-  EXPECT_EQ(files().drop_oldest(), 12U - (RecoveryFiles::most_set_aside - 1));
+  EXPECT_EQ(files().make_room(RoomFor::measures), 12U - (RecoveryFiles::most_set_aside - 1));
 
   EXPECT_FALSE(exists("var/set_aside/5"));
   EXPECT_TRUE(exists("var/set_aside/6"));
   EXPECT_TRUE(exists("var/set_aside/12"));
   EXPECT_TRUE(exists("var/set_aside/notes"));
-  EXPECT_EQ(files().drop_oldest(), 0U);
+  EXPECT_EQ(files().make_room(RoomFor::measures), 0U);
 }
 
 TEST_F(RecoveryFilesTest, TheNewestStaysAlsoWhenTheRecordOfItsNumberIsLost) {
@@ -271,11 +272,11 @@ TEST_F(RecoveryFilesTest, TheNewestStaysAlsoWhenTheRecordOfItsNumberIsLost) {
   put("var/set_aside/4000000000/x", "of an operator");
   put("var/set_aside/013/x", "of an operator");
 
-  (void)files().drop_oldest();
+  (void)files().make_room(RoomFor::measures);
   const std::uint32_t number = files().next_number(0);
   put("var/state/ttc/mode", "newest");
   ASSERT_TRUE(set_aside(RescuePart::state, number));
-  (void)files().drop_oldest();
+  (void)files().make_room(RoomFor::measures);
 
   EXPECT_EQ(number, 13U);
   EXPECT_EQ(content("var/set_aside/13/state/ttc/mode"), "newest");
@@ -293,7 +294,7 @@ TEST_F(RecoveryFilesTest, LongWorkReportsItsProgressFileByFile) {
       put("var/set_aside/" + std::to_string(number) + name, "packets");
   std::filesystem::create_directory_symlink(at("var/set_aside/8"), at("var/set_aside/1/store/link"));
 
-  EXPECT_EQ(files.drop_oldest(), 1U);
+  EXPECT_EQ(files.make_room(RoomFor::measures), 1U);
   EXPECT_GE(steps, 3);
   EXPECT_FALSE(exists("var/set_aside/1"));
   EXPECT_EQ(content("var/set_aside/8/store/events/1"), "packets") << "no link is followed";
@@ -306,10 +307,20 @@ TEST_F(RecoveryFilesTest, LongWorkReportsItsProgressFileByFile) {
   EXPECT_EQ(steps, 2) << "both are whole";
 }
 
+TEST_F(RecoveryFilesTest, AReserveOfTheDiskIsKeptOnce) {
+  files().keep_reserve();
+  files().keep_reserve();
+
+  struct stat info {};
+  ASSERT_EQ(stat(at("var/set_aside/reserve").c_str(), &info), 0);
+  EXPECT_EQ(info.st_size, RecoveryFiles::reserve_octets);
+  EXPECT_GE(info.st_blocks * 512, RecoveryFiles::reserve_octets) << "allocated";
+}
+
 TEST_F(RecoveryFilesTest, AHundredResetsLeaveABoundedNumberOfFolders) {
   for (std::uint32_t number = 1; number <= 100; ++number) {
     put("var/state/ttc/mode", std::to_string(number));
-    (void)files().drop_oldest();
+    (void)files().make_room(RoomFor::measures);
     ASSERT_TRUE(set_aside(RescuePart::state, number));
   }
   std::size_t folders = 0;

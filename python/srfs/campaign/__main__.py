@@ -15,6 +15,14 @@ from srfs.program import Interrupted, MissionError
 from srfs.report import show_checks
 
 
+def shard(text):
+    """(K, N) of K/N."""
+    number, _, shards = text.partition("/")
+    if not (number.isdecimal() and shards.isdecimal() and 1 <= int(number) <= int(shards)):
+        raise argparse.ArgumentTypeError(f"{text}: expected K/N, as 3/8")
+    return int(number), int(shards)
+
+
 def parse():
     parser = argparse.ArgumentParser(prog="./run campaign", description="Long runs of the real processes under faults. "
                                      "Exit code 0 only if every invariant held.")  # fmt: skip
@@ -60,6 +68,7 @@ def parse():
     outside.add_argument("--roles", default=",".join(strangers.ROLES), metavar="R[,R]", help="what they send (default: %(default)s)")
     wrecks = parser.add_argument_group("rescue")
     wrecks.add_argument("--trials", type=int, default=20, metavar="N", help="damaged suites, with the seeds S, S + 1... (default: %(default)s)")
+    wrecks.add_argument("--shard", type=shard, default=(1, 1), metavar="K/N", help="only each N-th of them from the K-th on: for several machines (with --seed)")
     options = parser.parse_args()
     known = {c.name: c for c in faults.CLASSES}
     wanted = {None: list(known), "all": list(known), "none": []}.get(options.classes, (options.classes or "").split(","))
@@ -219,11 +228,12 @@ def run_strangers(options, out, seed, signals, say):
 
 def run_rescue(options, out, seed, signals, say):
     campaign = rescue.Campaign(out, options.bin, say)
-    for number in range(options.trials):
+    number, shards = options.shard
+    for trial_seed in range(seed + number - 1, seed + options.trials, shards):
         if signals.wait(0):
             break
-        trial = campaign.trial(seed + number)
-        say(f"{number + 1} of {options.trials}: {len(trial['damaged'])} files damaged, {trial['answered']} answers after {trial['starts']} starts, "
+        trial = campaign.trial(trial_seed)
+        say(f"seed {trial_seed}: {len(trial['damaged'])} files damaged, {trial['answered']} answers after {trial['starts']} starts, "
             + (trial["problem"][:200] or f"all nodes Active after {trial['took_s']:.0f} s"))  # fmt: skip
     return campaign.judge(), lambda: None
 

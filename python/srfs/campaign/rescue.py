@@ -16,12 +16,12 @@ import os
 import pathlib
 import random
 import shutil
+import signal
 import subprocess
 import time
 
 from srfs.flight import deployments, mission
-from srfs.flight.deployments import NODES
-from srfs.flight.processes import PATIENCE, lock_owner, stop_child, wait_until
+from srfs.flight.processes import PATIENCE, lock_owner, processes_of, send_signal, stop_child, wait_until
 from srfs.program import MissionError
 from srfs.report import show_checks
 
@@ -37,36 +37,47 @@ def tree(folder):
 
 
 class Board:
-    """An installation and its VAR in folders of their own, on a simulated line. `pristine`: the ground's copies of all files."""
+    """An installation and its VAR in folders of their own, on a simulated line. The simulated devices have a folder of their own, too: VAR is the
+    computer's alone."""
 
-    def __init__(self, folder, installed_bin, say=lambda text: None):
+    def __init__(self, folder, installed_bin, say=lambda text: None, own_programs=True, content=None):
         self.folder, self.say = pathlib.Path(folder), say
         self.whole_bin = pathlib.Path(installed_bin)  # hw_sim and the ground run from here
         (self.folder / "etc").mkdir(parents=True)
-        self.prefix = self.folder / "prefix"
+        self.prefix = self.folder / "prefix" if own_programs else self.whole_bin.parent
         self.var = self.folder / "var"
+        self.devices = self.folder / "devices"
         self.station = self.folder / "station"
         self.copies = [self.folder / "rescue_a", self.folder / "rescue_b"]
+        if own_programs:
+            self._copy_programs()
+        content = content or deployments.read("sim")
+        self.nodes = [node["name"] for node in content["nodes"]]
+        content["simulation"]["watchdog"]["restart_command"] = ["/bin/true"]  # the campaign is the watchdog
+        content["devices"] = {name: uri.replace(":", f":{self.devices}/", 1) for name, uri in content["devices"].items() if uri}
+        content["step_down"] = {**STEPS, "no_contact_s": 600}
+        for node in content["nodes"]:
+            if node["name"] == "maintenance":
+                node.setdefault("parameters", {}).update(scrub_first_after_s=0, scrub_pause_ms=0)
+        self.deployment = deployments.write(content, self.folder / "etc" / "deployment.yaml")
+        self.ground_deployment = deployments.write(content, self.folder / "ground.yaml")
+        self.flight = mission.Mission(self.devices, self.ground_deployment, self.whole_bin, say)
+        self.starter = None
+        self.said = self.folder / "rescue.log"
+
+    def _copy_programs(self):
         stage = self.whole_bin.parent
         shutil.copytree(stage / "bin", self.prefix / "bin", ignore=shutil.ignore_patterns(*NOT_NEEDED))
         shutil.copytree(stage / "lib", self.prefix / "lib", symlinks=True, ignore=shutil.ignore_patterns("*.a", "cmake"))
         shutil.copytree(stage / "share", self.prefix / "share", symlinks=True, ignore=shutil.ignore_patterns("doc"))
-        content = deployments.read("sim")
-        content["simulation"]["watchdog"]["restart_command"] = ["/bin/true"]  # the campaign is the watchdog
-        content["step_down"] = {**STEPS, "no_contact_s": 600}
-        deployments.node(content, "maintenance").setdefault("parameters", {}).update(scrub_first_after_s=0, scrub_pause_ms=0)
-        self.deployment = deployments.write(content, self.folder / "etc" / "deployment.yaml")
-        self.ground_deployment = deployments.write(content, self.folder / "ground.yaml")
-        self.flight = mission.Mission(self.var, self.ground_deployment, self.whole_bin, say)
-        self.starter = None
-        self.said = self.folder / "rescue.log"
 
     def __enter__(self):
         self.flight._take_lock()
         self.flight._start_hw_sim()
         self.station.mkdir(exist_ok=True)
-        (self.station / "rs422").symlink_to(self.var / "rs422")
-        shutil.copytree(self.var / "keys", self.station / "keys")
+        (self.station / "rs422").symlink_to(self.devices / "rs422")
+        for place in (self.var, self.station):
+            shutil.copytree(self.devices / "keys", place / "keys")
         self.rescue_program("rescue", "prepare", *(word for copy in self.copies for word in ("--into", copy)))
         return self
 
@@ -102,11 +113,10 @@ class Board:
         """Everything on board ends at once."""
         self.end_starter()
         for _ in range(5):
+            for pid in processes_of(self.var):  # what is being loaded, and what holds no lock that can be read
+                send_signal(pid, signal.SIGKILL)
             for lock in (self.var / "run").glob("*.lock"):
-                pid = lock_owner(lock)
-                if pid:
-                    with contextlib.suppress(OSError):
-                        os.kill(pid, 9)
+                send_signal(lock_owner(lock), signal.SIGKILL)
             time.sleep(0.05)
 
     # --- on the ground
@@ -134,7 +144,7 @@ class Board:
         return "rescue" if self.order("rescue.report")[0] else "suite"
 
     def all_active(self):
-        return all(mission.has_come(self.var, node) for node in NODES)
+        return all(mission.has_come(self.var, node) for node in self.nodes)
 
     def answers(self):
         """Waits for an answer of the suite or of rescue, through as many starts as the bound allows. Returns the number of starts; None: none came."""

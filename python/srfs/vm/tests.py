@@ -40,7 +40,8 @@ def kernel_has_can():
 def parse():
     parser = argparse.ArgumentParser(prog="./run vm-test", description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--full", action="store_true", help="run everything several times, in random order")
-    parser.add_argument("--only", choices=("can", "mission"), help="run only SocketCAN, ISO-TP, GPIO, pulses and camera (can), or only the mission")
+    parser.add_argument("--only", choices=("can", "mission", "storage"),
+                        help="run only SocketCAN, ISO-TP, GPIO, pulses and camera (can), only the mission, or only failing storage")  # fmt: skip
     parser.add_argument("--vm", action="store_true", help="use the virtual machine even if this kernel has CAN")
     parser.add_argument("--build", type=pathlib.Path, default=ROOT / "build-release", help=argparse.SUPPRESS)
     guest.add_options(parser, f"{DEADLINE_S}, with --full {FULL_DEADLINE_S}")
@@ -52,7 +53,7 @@ def parse():
 
 def run(options):
     arguments = ["--build", str(options.build.absolute()), *(["--full"] if options.full else []), *(["--only", options.only] if options.only else [])]
-    if not options.vm and options.kernel == "amd64" and kernel_has_can():
+    if not options.vm and options.only != "storage" and options.kernel == "amd64" and kernel_has_can():
         print("this kernel has CAN: no virtual machine", flush=True)
         return subprocess.run(guest.python("run_tests.py", *arguments, SRFS_PATIENCE=os.environ.get("SRFS_PATIENCE", 1)), stdin=subprocess.DEVNULL, check=False).returncode
     return guest.run(guest.python("run_tests.py", *arguments, SRFS_IN_GUEST=1), options, guest.say)
