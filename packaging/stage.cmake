@@ -27,10 +27,12 @@ put(${CPACK_SRFS_SOURCE}/launch_config/board_rk3568.yaml etc/srfs/deployment.yam
 file(COPY ${CPACK_SRFS_SOURCE}/docs DESTINATION ${root}/opt/srfs/share/doc/srfs)
 put(${CPACK_SRFS_SOURCE}/LICENSE usr/share/doc/srfs/copyright)
 put(${CPACK_SRFS_SOURCE}/CHANGELOG.md usr/share/doc/srfs/CHANGELOG.md)
-put(${source}/srfs-start opt/srfs/lib/srfs-start FILE_PERMISSIONS
-  OWNER_READ OWNER_WRITE OWNER_EXECUTE GROUP_READ GROUP_EXECUTE WORLD_READ WORLD_EXECUTE)
-put(${source}/srfs usr/bin/srfs FILE_PERMISSIONS
-  OWNER_READ OWNER_WRITE OWNER_EXECUTE GROUP_READ GROUP_EXECUTE WORLD_READ WORLD_EXECUTE)
+set(executable FILE_PERMISSIONS OWNER_READ OWNER_WRITE OWNER_EXECUTE GROUP_READ GROUP_EXECUTE WORLD_READ WORLD_EXECUTE)
+put(${source}/srfs-start opt/srfs/lib/srfs-start ${executable})
+put(${source}/srfs usr/bin/srfs ${executable})
+put(${source}/initramfs/hook usr/share/initramfs-tools/hooks/srfs-rescue ${executable})
+put(${source}/initramfs/panic usr/share/initramfs-tools/scripts/panic/srfs-rescue ${executable})
+put(${source}/initramfs/conf usr/share/initramfs-tools/conf-hooks.d/srfs-rescue)
 file(CREATE_LINK ../../opt/srfs/bin/srfs-ground ${root}/usr/bin/srfs-ground SYMBOLIC)
 foreach(page man/man1/srfs-ground.1 bash-completion/completions/srfs-ground)
   if(EXISTS ${root}/opt/srfs/share/${page})  # not of a cross-build that cannot run the program

@@ -23,6 +23,7 @@ constexpr std::string_view usage =
     "srfs_rescue start|serve|answer|check --settings FILE [--settings FILE] [-- COMMAND ...]\n"
     "  start   start the suite; after starts that did not become healthy a step lower, at last serve\n"
     "  serve   answer the ground at once\n"
+    "  answer  the same where no suite is (initramfs): exit code 75, the computer is to be restarted\n"
     "  check   say whether the settings can be read; exit code 3: none can\n"
     "  --settings FILE  as `srfs rescue prepare` wrote it; the first that is whole counts\n"
     "  -- COMMAND       executed by start when no settings can be read\n";
@@ -49,7 +50,7 @@ std::optional<Arguments> read_arguments(std::span<char*> words) {
       return std::nullopt;
     }
   }
-  const bool known = a.verb == "start" || a.verb == "serve" || a.verb == "check";
+  const bool known = a.verb == "start" || a.verb == "serve" || a.verb == "answer" || a.verb == "check";
   return known && !a.settings.empty() ? std::optional(std::move(a)) : std::nullopt;
 }
 
@@ -81,6 +82,7 @@ int run(std::span<char*> words) {
   if (settings && arguments->verb == "check") return 0;
   if (settings) {
     Starter starter(*settings);
+    if (arguments->verb == "answer") return starter.answer();
     return arguments->verb == "serve" ? starter.serve() : starter.start();
   }
   log::error("no settings can be read: make them with `srfs rescue prepare`");

@@ -179,6 +179,10 @@ int Starter::start() {
   }
 }
 
+int Starter::answer() {
+  return be_on_the_line().value_or(restart_exit_code);
+}
+
 int Starter::serve() {
   const auto exit_code = be_on_the_line();
   return exit_code ? *exit_code : start();

@@ -18,6 +18,8 @@ class Starter {
   [[nodiscard]] int start();
   /// On the line at once, whatever the starts were.
   [[nodiscard]] int serve();
+  /// On the line at once, where the suite's programs are not: at the end a restart of the computer starts it.
+  [[nodiscard]] int answer();
 
   /// One more start: counted, then the measures that are due. The first half of start().
   void begin_start();

@@ -61,8 +61,13 @@ class DebianPackageTest(unittest.TestCase):
             "usr/lib/udev/rules.d/70-srfs.rules",
             "usr/lib/sysctl.d/60-srfs.conf",
             "usr/lib/modules-load.d/srfs.conf",
+            "usr/share/initramfs-tools/conf-hooks.d/srfs-rescue",
         ):
             self.assertTrue((self.root / path).exists(), path)
+        for script in ("hooks/srfs-rescue", "scripts/panic/srfs-rescue"):
+            path = self.root / "usr/share/initramfs-tools" / script
+            self.assertEqual(stat.S_IMODE(path.stat().st_mode), 0o755, script)
+            output("sh", "-n", path)
         self.assertEqual((self.root / "etc/srfs/deployment.yaml").read_text(), (ROOT / "launch_config/board_rk3568.yaml").read_text())
 
     def test_every_file_in_etc_is_kept_over_an_upgrade_when_it_was_changed(self):
