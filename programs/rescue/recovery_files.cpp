@@ -40,7 +40,8 @@ namespace failure = mission::failure;
 constexpr std::size_t most_entries = 4096;  // of a folder that is looked through
 constexpr std::size_t largest_manifest = 1U << 20;
 constexpr const char* reserve = "set_aside/reserve";  // of VAR
-constexpr std::size_t synced_part = 4U << 20;         // of a file that is copied
+constexpr off_t smallest_block = 4096;
+constexpr std::size_t synced_part = 4U << 20;  // of a file that is copied
 /// Folders of VAR whose files may go down. Keys lie in others, and golden copies of keys.
 const std::set<std::string, std::less<>> may_leave{"log",      "state",     "store",  "files",
                                                    "versions", "set_aside", "images", "run"};
@@ -320,8 +321,9 @@ void RecoveryFiles::keep_reserve() const {
   std::error_code ec;
   fs::create_directories(file.parent_path(), ec);
   const Fd fd(open(file.c_str(), O_RDWR | O_CREAT | O_CLOEXEC | O_NOFOLLOW | O_NONBLOCK, 0600));
-  for (off_t octets = reserve_octets; fd && octets >= reserve_octets / 16; octets /= 2) {
-    if (posix_fallocate(fd.get(), 0, octets) == 0) return;
+  off_t kept = 0;
+  for (off_t part = reserve_octets; fd && kept < reserve_octets && part >= smallest_block; part /= 2) {
+    while (kept < reserve_octets && posix_fallocate(fd.get(), kept, part) == 0) kept += part;
   }
 }
 
