@@ -31,6 +31,7 @@ def slow_simulation(sim, file, image_lane=()):
     nodes = [deployments.node(slow, name) for name in ("timing", "can_switcher", "payload_eps", "ttc")]
     nodes += [deployments.node(sim, name) for name in image_lane]
     nodes[0]["parameters"]["tick_period_ms"] = 2000
+    nodes[2]["parameters"]["answer_timeout_ms"] = 1000
     slots = [{"payload": "payload_eps", "allotted_ms": 1500, "overrun_ms": 4000, "reset_ms": 1000}]
     modes = {**slow["modes"], "causes": []}  # they watch other payloads, too
     link = {**slow["link"], "baud": BAUD}
