@@ -41,7 +41,8 @@ std::set<pid_t> holders(const std::filesystem::path& var) {
        it.increment(ec)) {
     if (it->path().extension() != ".lock") continue;
     ++looked;
-    const Fd fd(open(it->path().c_str(), O_RDWR | O_CLOEXEC | O_NOFOLLOW | O_NONBLOCK));
+    // Only asked, not locked: also on a disk that is read-only.
+    const Fd fd(open(it->path().c_str(), O_RDONLY | O_CLOEXEC | O_NOFOLLOW | O_NONBLOCK));
     struct flock lock {};
     lock.l_type = F_WRLCK;
     lock.l_whence = SEEK_SET;

@@ -70,5 +70,30 @@ TEST(NodesOfTheSuite, ANodeThatIsStillBeingLoadedIsEnded) {
   EXPECT_TRUE(std::filesystem::exists(folder.path() / "var/run/stopping")) << "no starter makes another one";
 }
 
+TEST(NodesOfTheSuite, OneThatRunsIsSeenWhereItsLockCannotBeWritten) {
+  const testing_support::TemporaryFolder folder;
+  const auto var = folder.path() / "var";
+  std::filesystem::create_directories(var / "run");
+  const auto file = var / "run/ttc.lock";
+  const Fd node(open(file.c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0600));
+  for (const auto& path : {folder.path(), var, var / "run", file})
+    std::filesystem::permissions(path, std::filesystem::perms{path == file ? 0444U : 0755U});
+  struct flock lock {};
+  lock.l_type = F_WRLCK;
+  lock.l_whence = SEEK_SET;
+  ASSERT_EQ(fcntl(node.get(), F_SETLK, &lock), 0);
+
+  const pid_t reader = fork();
+  if (reader == 0) {
+    constexpr uid_t nobody = 65534;  // root may write everything
+    if (geteuid() == 0 && setuid(nobody) != 0) _exit(2);
+    if (open(file.c_str(), O_RDWR | O_CLOEXEC) >= 0) _exit(3);
+    _exit(suite_runs(var) ? 0 : 1);
+  }
+  int status = -1;
+  ASSERT_EQ(waitpid(reader, &status, 0), reader);
+  EXPECT_EQ(status, 0) << "1: not seen; 2, 3: the lock could be written";
+}
+
 }  // namespace
 }  // namespace srfs::rescue
