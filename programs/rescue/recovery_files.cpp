@@ -104,12 +104,17 @@ Result<void, std::string> remove_tree(const fs::path& root, const std::function<
                                                  fts_close);
   if (!tree) return Err(fmt::format("{}: cannot be deleted: {}", path, errno_text(errno)));
   std::string problem;
-  while (const FTSENT* entry = fts_read(tree.get())) {
+  while (true) {
+    errno = 0;
+    const FTSENT* const entry = fts_read(tree.get());
+    if (entry == nullptr) break;
     on_progress();
     if (entry->fts_info == FTS_D) continue;  // comes again as FTS_DP, behind what is in it
     if (std::remove(entry->fts_accpath) != 0)
       problem = fmt::format("{}: cannot be deleted: {}", entry->fts_path, errno_text(errno));
   }
+  // Not at the end of the tree, but where it could not be read any further.
+  if (errno != 0) problem = fmt::format("{}: cannot be read to its end: {}", path, errno_text(errno));
   if (!problem.empty()) return Err(problem);
   return {};
 }
