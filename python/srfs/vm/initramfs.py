@@ -126,6 +126,7 @@ class Station:
 def fly(folder, build, kernel):
     make(folder, build, kernel)
     machine = Machine(folder, kernel)
+    status = ""
     try:
         station = Station(folder, build, machine.line())
         with contextlib.suppress(Exception):
@@ -139,8 +140,9 @@ def fly(folder, build, kernel):
         restarted = machine.is_off()
     finally:
         machine.close()
-        if not machine.said or not status:
-            print(machine.console.read_text(errors="replace")[-3000:])
+        if not status:
+            for said in (machine.said, machine.console):
+                print(said.read_text(errors="replace")[-3000:] if said.exists() else "")
     counters = guest.quietly(["debugfs", "-R", "stat /state/ttc/link_state", str(folder / "data")], 60)
     mode = (folder / "initramfs").stat().st_mode & 0o777
     return [
