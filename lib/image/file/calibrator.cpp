@@ -39,6 +39,12 @@ std::string Calibrator::choose(Choice& choice, const DetectorSetting& frame) {
                      to_text(choice.masters.front().setting));
 }
 
+bool Calibrator::has_fitting(Choice& choice, const DetectorSetting& frame) {
+  list(choice);
+  return std::any_of(choice.masters.begin(), choice.masters.end(),
+                     [&](const StoredMaster& m) { return fits(choice.kind, m.setting, frame); });
+}
+
 Result<Calibrator::Applied, Refusal> Calibrator::apply(Frame& frame) {
   Applied applied;
   const DetectorSetting setting = setting_of(frame);
@@ -59,7 +65,11 @@ Result<Calibrator::Applied, Refusal> Calibrator::apply(Frame& frame) {
                            ? fmt::format("there is no dark of {}: make one first", to_text(setting))
                            : applied.notes.front() + ": make one first"});
   }
-  const Master* const flat = chosen(flat_, wanted_.flat);
+  const Master* flat = nullptr;
+  if (dark != nullptr)
+    flat = chosen(flat_, wanted_.flat);
+  else if (wanted_.flat && has_fitting(flat_, setting))
+    applied.notes.emplace_back("the flat is not used without a dark");
   calibrate(dark, flat, frame);
   return applied;
 }

@@ -11,7 +11,8 @@
 namespace srfs::image {
 
 /// Takes out of the frames of one run what their detector adds: of each kind the newest master that fits the
-/// frame and whose file is whole. The store is listed once, a master is read when a frame needs it and kept
+/// frame and whose file is whole. A flat only together with a dark: without it the division would spread the
+/// bias by the flat's pattern. The store is listed once, a master is read when a frame needs it and kept
 /// while it fits: 8 octets a pixel. Blocks on the disk.
 class Calibrator {
  public:
@@ -20,7 +21,7 @@ class Calibrator {
   struct Applied {
     std::optional<std::uint32_t> dark;  ///< generation; nothing: none fits
     std::optional<std::uint32_t> flat;
-    std::vector<std::string> notes;  ///< why there is none, where there are others
+    std::vector<std::string> notes;  ///< why there is none, where there are others or one cannot be used
   };
   /// @return what was taken out of the frame, or why the method cannot use it
   [[nodiscard]] Result<Applied, Refusal> apply(Frame& frame);
@@ -40,6 +41,8 @@ class Calibrator {
   };
   /// Finds the master for a frame. @return why there is none; empty: it is there, or there are none at all
   [[nodiscard]] std::string choose(Choice& choice, const DetectorSetting& frame);
+  /// Whether one is listed, whole or not, that fits the frame.
+  [[nodiscard]] bool has_fitting(Choice& choice, const DetectorSetting& frame);
   void list(Choice& choice);
 
   MasterStore store_;

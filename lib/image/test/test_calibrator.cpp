@@ -22,6 +22,10 @@ Master plain_dark(float level, double exposure_s) {
   return {MasterKind::dark, Plane(20, 16, level), 8, 0, {20, 16, exposure_s, {}, {}}};
 }
 
+Master plain_flat(float response) {
+  return {MasterKind::flat, Plane(20, 16, response), 8, 0, {20, 16, 0.1, {}, {}}};
+}
+
 Frame frame_of_exposure(double exposure_s) {
   Frame frame;
   frame.pixels = Plane(20, 16, 100);
@@ -64,6 +68,30 @@ TEST_F(CalibratorTest, SaysWhichMastersThereAreWhereNoneFits) {
   EXPECT_THAT(applied.notes, ElementsAre("no dark fits 20 x 16 px, 4 s; the newest is of 20 x 16 px, 0.1 s"));
   EXPECT_EQ(frame.pixels.at(0, 0), 100);
   EXPECT_THAT(calibrator.used(), IsEmpty());
+}
+
+TEST_F(CalibratorTest, DividesByAFlatOnlyWhatADarkWasTakenFrom) {
+  ASSERT_TRUE(store_.save(plain_flat(0.5F)));
+  Frame without_any = frame_of_exposure(0.1);
+  const auto alone = Calibrator(store_, both).apply(without_any).value();
+  ASSERT_TRUE(store_.save(plain_dark(10, 0.1)));
+  Frame fitting = frame_of_exposure(0.1);
+  Frame longer = frame_of_exposure(4);
+  Calibrator calibrator(store_, both);
+
+  const auto of_fitting = calibrator.apply(fitting).value();
+  const auto of_longer = calibrator.apply(longer).value();
+
+  EXPECT_FALSE(alone.flat);
+  EXPECT_THAT(alone.notes, ElementsAre("the flat is not used without a dark"));
+  EXPECT_EQ(without_any.pixels.at(0, 0), 100);
+  EXPECT_EQ(of_fitting.flat, 1U);
+  EXPECT_THAT(of_fitting.notes, IsEmpty());
+  EXPECT_EQ(fitting.pixels.at(0, 0), (100 - 10) / 0.5F);
+  EXPECT_FALSE(of_longer.flat) << "not that of the frame before";
+  EXPECT_THAT(of_longer.notes, ElementsAre(HasSubstr("no dark fits"), "the flat is not used without a dark"));
+  EXPECT_EQ(longer.pixels.at(0, 0), 100);
+  EXPECT_THAT(calibrator.used(), SizeIs(2));
 }
 
 TEST_F(CalibratorTest, HasNothingToSayWhereThereIsNone) {
