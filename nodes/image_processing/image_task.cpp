@@ -125,10 +125,11 @@ void ImageTask::refuse(const std::string& file, const std::string& why, StepRepo
 void ImageTask::process_next(StepReport& report) {
   const std::string& file = order_.request.files[next_++];
   try {
-    // Made here: an index that is built once takes a third of a second.
+    // Made here: an index that is built once takes a third of a second. The method last: without memory for
+    // the two the next frame begins anew.
     if (!method_) {
-      method_ = order_.method->make(order_.parameters);
       calibrator_.emplace(masters_, order_.method->masters_for(order_.parameters));
+      method_ = order_.method->make(order_.parameters);
     }
     process(file, report);
   } catch (const std::bad_alloc&) {
@@ -362,7 +363,8 @@ bool ImageTask::offer(ProductStore& store, const std::string& name, OctetView co
   const auto put = store.put(name, content);
   if (!put) {
     report.problems.push_back(put.error().text);
-    if (put.error().problem == StoreProblem::disk && products_.empty())
+    // A master that was saved is in use, also where nothing can say so.
+    if (put.error().problem == StoreProblem::disk && products_.empty() && !findings_.master)
       fail(mission::failure::disk_failed, put.error().text);
     else
       ++counts_.left_out;

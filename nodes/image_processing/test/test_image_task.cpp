@@ -284,6 +284,24 @@ TEST_F(ImageTaskTest, MakesADarkThatLaterTasksUseAndName) {
   EXPECT_GT(findings()["frames"][0]["background"], 190);
 }
 
+TEST_F(ImageTaskTest, AMasterThatIsInUseIsASuccessAlsoWhereTheDiskTakesNoProduct) {
+  std::vector<std::string> darks;
+  for (int k = 1; k <= 3; ++k) darks.push_back(store(k, image::Plane(96, 64, 200)));
+  ASSERT_TRUE(write_file_atomically(images_ / "products", "a file where the folder should be"));
+  ImageTask making = task(darks, "calibrate");
+  std::vector<std::string> problems;
+  while (!making.is_done()) {
+    const StepReport report = making.step(store_);
+    problems.insert(problems.end(), report.problems.begin(), report.problems.end());
+  }
+
+  EXPECT_FALSE(making.failure()) << making.failure()->reason;
+  EXPECT_TRUE(std::filesystem::exists(images_ / "calibration/dark_0001.master"));
+  EXPECT_EQ(making.counts().left_out, 2) << "findings and thumbnail";
+  EXPECT_THAT(making.products(), IsEmpty());
+  EXPECT_THAT(problems, Contains(HasSubstr("products")));
+}
+
 TEST_F(ImageTaskTest, MakesNoFlatWithoutADarkThatFits) {
   std::vector<std::string> lit;
   for (int k = 1; k <= 3; ++k) lit.push_back(store(k, image::Plane(96, 64, 2000)));
