@@ -78,14 +78,38 @@ Result<Head, Refusal> decode_head(OctetView octets, MasterKind kind, std::uintma
   return head;
 }
 
-Result<Head, Refusal> read_head(const std::filesystem::path& path, MasterKind kind) {
+struct NoHead {
+  bool is_broken;  ///< else the disk did not give it: it may be whole
+  std::string reason;
+};
+
+Result<Head, NoHead> read_head(const std::filesystem::path& path, MasterKind kind) {
   std::error_code failed;
   const std::uintmax_t size = std::filesystem::file_size(path, failed);
-  if (failed) return Err(Refusal{failed.message()});
+  if (failed) return Err(NoHead{false, failed.message()});
   std::array<char, head_octets> octets{};
   std::ifstream file(path, std::ios::binary);
   file.read(octets.data(), octets.size());
-  return decode_head(as_octets({octets.data(), static_cast<std::size_t>(file.gcount())}), kind, size);
+  if (!file.is_open() || file.bad()) return Err(NoHead{false, "cannot be read"});
+  auto head = decode_head(as_octets({octets.data(), static_cast<std::size_t>(file.gcount())}), kind, size);
+  if (!head) return Err(NoHead{true, std::move(head.error().reason)});
+  return *std::move(head);
+}
+
+std::string why_unused(const std::filesystem::path& path, const NoHead& no_head) {
+  return fmt::format("{} {} ({}) and not used", path.filename().string(),
+                     no_head.is_broken ? "is broken" : "cannot be read", no_head.reason);
+}
+
+/// @return none where there is no folder
+Result<std::vector<std::filesystem::path>, Refusal> entries_of(const std::filesystem::path& folder) {
+  std::vector<std::filesystem::path> entries;
+  std::error_code failed;
+  for (std::filesystem::directory_iterator it(folder, failed), end; !failed && it != end;
+       it.increment(failed))
+    entries.push_back(it->path());
+  if (!failed || failed == std::errc::no_such_file_or_directory) return entries;
+  return Err(Refusal{fmt::format("{} cannot be read: {}", folder.string(), failed.message())});
 }
 
 Result<MasterStore::Read, Refusal> decode_master(OctetView file, MasterKind kind) {
@@ -109,17 +133,17 @@ std::filesystem::path MasterStore::path_of(MasterKind kind, std::uint32_t genera
   return folder_ / fmt::format("{}_{:04}{}", to_text(kind), generation, master_suffix);
 }
 
-std::vector<MasterStore::File> MasterStore::files_of(MasterKind kind) const {
+Result<std::vector<MasterStore::File>, Refusal> MasterStore::files_of(MasterKind kind) const {
+  const auto entries = entries_of(folder_);
+  if (!entries) return Err(entries.error());
   std::vector<File> files;
   const std::string prefix = fmt::format("{}_", to_text(kind));
-  std::error_code failed;
-  for (std::filesystem::directory_iterator it(folder_, failed), end; !failed && it != end;
-       it.increment(failed)) {
-    const std::string name = it->path().filename().string();
+  for (const auto& path : *entries) {
+    const std::string name = path.filename().string();
     if (!name.starts_with(prefix) || !name.ends_with(master_suffix)) continue;
     const auto number = to_number<std::uint32_t>(
         std::string_view(name).substr(prefix.size(), name.size() - prefix.size() - master_suffix.size()));
-    if (number) files.push_back({*number, it->path()});
+    if (number) files.push_back({*number, path});
   }
   std::sort(files.begin(), files.end(),
             [](const File& a, const File& b) { return a.generation > b.generation; });
@@ -128,12 +152,16 @@ std::vector<MasterStore::File> MasterStore::files_of(MasterKind kind) const {
 
 MasterStore::Listed MasterStore::list(MasterKind kind) const {
   Listed listed;
-  for (const File& file : files_of(kind)) {
+  const auto files = files_of(kind);
+  if (!files) {
+    listed.problems.push_back(fmt::format("no {} is used: {}", to_text(kind), files.error().reason));
+    return listed;
+  }
+  for (const File& file : *files) {
     if (auto head = read_head(file.path, kind))
       listed.masters.push_back({kind, file.generation, head->frames, head->defects, head->setting, {}});
     else
-      listed.problems.push_back(
-          fmt::format("{} is broken ({}) and not used", file.path.filename().string(), head.error().reason));
+      listed.problems.push_back(why_unused(file.path, head.error()));
   }
   return listed;
 }
@@ -149,14 +177,11 @@ Result<MasterStore::Read, Refusal> MasterStore::read(const StoredMaster& listed)
 }
 
 std::vector<std::string> MasterStore::remove_leftovers() const {
-  std::vector<std::filesystem::path> leftovers;
-  std::error_code failed;
-  for (std::filesystem::directory_iterator it(folder_, failed), end; !failed && it != end;
-       it.increment(failed)) {
-    if (it->path().extension() == temporary_suffix) leftovers.push_back(it->path());
-  }
+  const auto entries = entries_of(folder_);
+  if (!entries) return {entries.error().reason};
   std::vector<std::string> problems;
-  for (const auto& path : leftovers) {
+  for (const auto& path : *entries) {
+    if (path.extension() != temporary_suffix) continue;
     if (const auto removed = remove_durably(path); !removed) problems.push_back(removed.error().message);
   }
   return problems;
@@ -165,8 +190,14 @@ std::vector<std::string> MasterStore::remove_leftovers() const {
 std::vector<std::string> MasterStore::remove_superseded(MasterKind kind) const {
   std::vector<std::string> problems;
   std::vector<DetectorSetting> kept;
-  for (const File& file : files_of(kind)) {
+  const auto files = files_of(kind);
+  if (!files) return {files.error().reason};
+  for (const File& file : *files) {
     const auto head = read_head(file.path, kind);
+    if (!head && !head.error().is_broken) {
+      problems.push_back(why_unused(file.path, head.error()));
+      continue;
+    }
     const auto is_same = [&](const DetectorSetting& s) { return fits(kind, s, head->setting); };
     if (head && kept.size() < masters_most &&
         static_cast<std::size_t>(std::count_if(kept.begin(), kept.end(), is_same)) < generations_kept) {
@@ -179,10 +210,11 @@ std::vector<std::string> MasterStore::remove_superseded(MasterKind kind) const {
 }
 
 Result<MasterStore::Saved, Refusal> MasterStore::save(const Master& master) const {
-  const std::vector<File> files = files_of(master.kind);
-  if (!files.empty() && files.front().generation == std::numeric_limits<std::uint32_t>::max())
+  const auto files = files_of(master.kind);
+  if (!files) return Err(files.error());
+  if (!files->empty() && files->front().generation == std::numeric_limits<std::uint32_t>::max())
     return Err(Refusal{"no generation is left"});
-  const std::uint32_t generation = files.empty() ? 1 : files.front().generation + 1;
+  const std::uint32_t generation = files->empty() ? 1 : files->front().generation + 1;
   Octets content = encode_master(master);
   if (content.empty()) return Err(Refusal{"too large"});
   const Sha256::Digest digest = sha256_of(content);

@@ -29,7 +29,7 @@ class MasterStore {
 
   struct Listed {
     std::vector<StoredMaster> masters;  ///< the newest first
-    std::vector<std::string> problems;  ///< files that are broken
+    std::vector<std::string> problems;  ///< files that are broken, or why the folder cannot be read
   };
   /// What the files' heads say; their content is not read.
   [[nodiscard]] Listed list(MasterKind kind) const;
@@ -46,8 +46,9 @@ class MasterStore {
     std::vector<std::string> problems;  ///< what should be gone and is still there; the next save tries again
   };
   /// As the next generation.
-  /// @return the master, on the disk for good; or why not, then the generation before stays in use: its file
-  /// is removed. Where the disk refuses even that it stays, whole or recognised as broken
+  /// @return the master, on the disk for good; or why not (also: what is there cannot be listed), then the
+  /// generation before stays in use: its file is removed. Where the disk refuses even that it stays, whole or
+  /// recognised as broken
   [[nodiscard]] Result<Saved, Refusal> save(const Master& master) const;
 
   static constexpr std::size_t generations_kept = 2;
@@ -59,7 +60,8 @@ class MasterStore {
     std::filesystem::path path;
   };
   /// Newest first.
-  [[nodiscard]] std::vector<File> files_of(MasterKind kind) const;
+  /// @return none where there is no folder; why it cannot be read is no proof that there are none
+  [[nodiscard]] Result<std::vector<File>, Refusal> files_of(MasterKind kind) const;
   [[nodiscard]] std::filesystem::path path_of(MasterKind kind, std::uint32_t generation) const;
   /// What a power loss left half written. @return what could not be removed
   [[nodiscard]] std::vector<std::string> remove_leftovers() const;

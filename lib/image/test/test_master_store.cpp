@@ -9,6 +9,7 @@
 
 #include <fcntl.h>
 #include <gmock/gmock.h>
+#include <sys/resource.h>
 #include <sys/syscall.h>
 #include <sys/wait.h>
 #include <unistd.h>
@@ -229,6 +230,60 @@ TEST_F(MasterStoreTest, KilledAtAnyStepItLeavesTheOldOrTheNewGenerationWhole) {
   }
   EXPECT_TRUE(has_seen_old);
   EXPECT_EQ(newest(MasterStore(folder_.path() / "0")), 13);
+}
+
+/// The process can open nothing more.
+class NoDescriptors {
+ public:
+  NoDescriptors() {
+    ::getrlimit(RLIMIT_NOFILE, &before_);
+    const rlimit none{0, before_.rlim_max};
+    ::setrlimit(RLIMIT_NOFILE, &none);
+  }
+  ~NoDescriptors() { ::setrlimit(RLIMIT_NOFILE, &before_); }
+  NoDescriptors(const NoDescriptors&) = delete;
+  NoDescriptors& operator=(const NoDescriptors&) = delete;
+
+ private:
+  rlimit before_{};
+};
+
+TEST_F(MasterStoreTest, AFolderThatCannotBeReadIsNotAnEmptyOne) {
+  ASSERT_TRUE(store_.save(dark_of(10)));
+  MasterStore::Listed listed;
+  std::string refused;
+  {
+    const NoDescriptors now;
+    listed = store_.list(MasterKind::dark);
+    if (const auto saved = store_.save(dark_of(11)); !saved) refused = saved.error().reason;
+  }
+
+  EXPECT_THAT(listed.masters, IsEmpty());
+  ASSERT_THAT(listed.problems, SizeIs(1));
+  EXPECT_THAT(listed.problems[0], HasSubstr("no dark is used: " + calibration_.string() + " cannot be read"));
+  EXPECT_THAT(refused, HasSubstr("cannot be read"));
+  EXPECT_EQ(newest(store_), 10) << "is still there, as generation 1";
+  EXPECT_EQ(store_.save(dark_of(11))->master.generation, 2U);
+}
+
+TEST_F(MasterStoreTest, AFileInPlaceOfTheFolderIsAProblem) {
+  ASSERT_TRUE(write_file_atomically(calibration_, "no folder"));
+  EXPECT_THAT(store_.list(MasterKind::flat).problems, SizeIs(1));
+  EXPECT_FALSE(store_.save(dark_of(10)));
+}
+
+TEST_F(MasterStoreTest, AFileThatTheDiskDoesNotGiveStays) {
+  ASSERT_TRUE(store_.save(dark_of(10)));
+  const auto unreadable = calibration_ / "dark_0002.master";
+  std::filesystem::create_symlink("dark_0002.master", unreadable);  // ELOOP
+
+  const auto saved = store_.save(dark_of(11)).value();
+
+  EXPECT_EQ(saved.master.generation, 3U);
+  ASSERT_THAT(saved.problems, SizeIs(1));
+  EXPECT_THAT(saved.problems[0], HasSubstr("dark_0002.master cannot be read"));
+  EXPECT_TRUE(std::filesystem::is_symlink(unreadable));
+  EXPECT_THAT(store_.list(MasterKind::dark).problems, SizeIs(1));
 }
 
 TEST_F(MasterStoreTest, HasNothingWhereNothingWasMade) {
