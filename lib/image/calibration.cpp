@@ -51,14 +51,15 @@ float median_pixel(const Plane& pixels) {
 }
 
 /// As clean_frame sees it in a frame that was not calibrated: touching pixels of the highest value, and what
-/// is within a small share of them.
+/// is within a small share of them. Where most pixels have the highest value, that: no light is without
+/// noise.
 std::optional<float> saturation_of(const Frame& frame) {
   if (frame.saturation_adu) return frame.saturation_adu;
   const Plane& in = frame.pixels;
   float highest = -std::numeric_limits<float>::infinity();
   for (const float v : in.cells()) highest = std::isfinite(v) ? std::max(highest, v) : highest;
   const float above_sky = highest - median_pixel(in);
-  if (!(above_sky > 0)) return std::nullopt;
+  if (!(highest > 0)) return std::nullopt;
   int pairs = 0;
   for (int y = 0; y < in.height(); ++y) {
     for (int x = 1; x < in.width(); ++x) pairs += in.at(x - 1, y) == highest && in.at(x, y) == highest;
@@ -113,10 +114,16 @@ Result<void, Refusal> MasterMaker::add(const Frame& frame) {
     return Err(Refusal{fmt::format("more than {} frames in a master", frames_most)});
   if (frames_ > 0 && !fits(kind_, setting_, setting))
     return Err(Refusal{fmt::format("{} after frames of {}", to_text(setting), to_text(setting_))});
-  const float middle = kind_ == MasterKind::flat ? median_pixel(in) : 1;
-  if (!(middle > 0)) return Err(Refusal{"no light in a frame of a flat"});
-  if (kind_ == MasterKind::flat && frame.saturation_adu && middle >= *frame.saturation_adu)
-    return Err(Refusal{"too much light in a frame of a flat: most of it is saturated"});
+  const bool is_flat = kind_ == MasterKind::flat;
+  const float middle = median_pixel(in);
+  // A dark's own highest value says nothing: a quiet detector gives most pixels the same one.
+  const auto saturation = is_flat ? saturation_of(frame) : frame.saturation_adu;
+  if (std::none_of(in.cells().begin(), in.cells().end(), [](float v) { return std::isfinite(v); }))
+    return Err(Refusal{fmt::format("no pixel has a value in a frame of a {}", to_text(kind_))});
+  if (is_flat && !(middle > 0)) return Err(Refusal{"no light in a frame of a flat"});
+  if (saturation && middle >= *saturation)
+    return Err(
+        Refusal{fmt::format("too much light in a frame of a {}: most of it is saturated", to_text(kind_))});
   if (frames_ == 0) {
     sum_ = Plane(in.width(), in.height());
     lowest_ = Plane(in.width(), in.height(), std::numeric_limits<float>::infinity());
@@ -125,7 +132,8 @@ Result<void, Refusal> MasterMaker::add(const Frame& frame) {
     setting_ = setting;
   }
   for (std::size_t i = 0; i < in.size(); ++i) {
-    const float v = in.cells()[i] / middle;
+    float v = in.cells()[i];
+    if (is_flat) v = saturation && v >= *saturation ? nothing : v / middle;
     sum_.cells()[i] += v;
     lowest_.cells()[i] = std::min(lowest_.cells()[i], v);
     highest_.cells()[i] = std::max(highest_.cells()[i], v);
@@ -185,6 +193,9 @@ Result<MasterMaker::Made, Refusal> MasterMaker::made() {
   Made made;
   made.master = {kind_, sum_, frames_, 0, setting_};
   find_defects(defect_limit * range, made);
+  const auto& levels = made.master.level.cells();
+  if (std::none_of(levels.begin(), levels.end(), [](float v) { return std::isfinite(v); }))
+    return Err(Refusal{"no pixel has a value in all frames"});
   const double share = made.master.defects / static_cast<double>(sum_.size());
   if (share > defects_share_most) {
     return Err(Refusal{

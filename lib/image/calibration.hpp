@@ -51,8 +51,9 @@ class MasterMaker {
  public:
   explicit MasterMaker(MasterKind kind) : kind_(kind) {}
 
-  /// @return why a frame does not belong to the others: its setting, no light or too much (flat), too many
-  /// frames
+  /// A flat's saturated pixels get no level: they do not show how they respond.
+  /// @return why a frame is not taken: its setting, no values, no light (flat), most of it saturated (a dark
+  /// only by the saturation that its file names), too many frames
   [[nodiscard]] Result<void, Refusal> add(const Frame& frame);
   [[nodiscard]] int frames() const { return frames_; }
 

@@ -59,6 +59,13 @@ Frame plain(int width, int height, float value) {
   return frame;
 }
 
+/// Evenly lit, but for one pixel: no light is without noise.
+Frame lit(int width, int height, float value) {
+  Frame frame = plain(width, height, value);
+  frame.pixels.at(width - 1, height - 1) *= 1.01F;
+  return frame;
+}
+
 Master plain_master(MasterKind kind, int width, int height, float level) {
   Master master;
   master.kind = kind;
@@ -117,14 +124,14 @@ TEST(Calibration, FindsPixelsThatSayNothing) {
     Frame dark = plain(20, 20, 100 + static_cast<float>(k));
     dark.pixels.at(5, 6) += 500;
     EXPECT_TRUE(darks.add(dark));
-    Frame flat = plain(20, 20, 1000 + static_cast<float>(100 * k));
+    Frame flat = lit(20, 20, 1000 + static_cast<float>(100 * k));
     flat.pixels.at(9, 9) *= 0.3F;
     EXPECT_TRUE(flats.add(flat));
   }
 
   const auto dark = darks.finish().value();
   const auto flat = flats.finish().value();
-  Frame frame = plain(20, 20, 300);
+  Frame frame = lit(20, 20, 300);
   calibrate(&dark.master, &flat.master, frame);
 
   ASSERT_EQ(dark.defects.size(), 1U);
@@ -139,12 +146,12 @@ TEST(Calibration, FindsPixelsThatSayNothing) {
 TEST(Calibration, DividesByTheResponse) {
   MasterMaker maker(MasterKind::flat);
   for (int k = 0; k < 3; ++k) {
-    Frame flat = plain(40, 20, 500 * static_cast<float>(k + 1));
+    Frame flat = lit(40, 20, 500 * static_cast<float>(k + 1));
     for (int y = 0; y < 20; ++y)
       for (int x = 0; x < 15; ++x) flat.pixels.at(x, y) *= 0.8F;
     EXPECT_TRUE(maker.add(flat));
   }
-  Frame frame = plain(40, 20, 200);
+  Frame frame = lit(40, 20, 200);
 
   const auto made = maker.finish().value();
   calibrate(nullptr, &made.master, frame);
@@ -244,7 +251,7 @@ TEST(Calibration, AFlatDoesNotCountTheDefectsOfTheDark) {
   const auto dark = master_with_defects(100, 80, 23).value();
   MasterMaker maker(MasterKind::flat);
   for (int k = 0; k < 4; ++k) {
-    Frame frame = plain(100, 80, 1000 + static_cast<float>(k));
+    Frame frame = lit(100, 80, 1000 + static_cast<float>(k));
     frame.pixels.at(50, 40) = 300;
     calibrate(&dark.master, nullptr, frame);
     EXPECT_TRUE(maker.add(frame));
@@ -261,19 +268,73 @@ TEST(Calibration, AFlatDoesNotCountTheDefectsOfTheDark) {
 TEST(Calibration, DarkCornersOfAFlatHaveNoValueAndAreNoDefects) {
   MasterMaker maker(MasterKind::flat);
   for (int k = 0; k < 3; ++k) {
-    Frame frame = plain(60, 40, 1000);
+    Frame frame = lit(60, 40, 1000);
     for (int y = 0; y < 12; ++y)
       for (int x = 0; x < 12 - y; ++x) frame.pixels.at(x, y) = 0;
     EXPECT_TRUE(maker.add(frame));
   }
 
   const auto flat = maker.finish().value();
-  Frame frame = plain(60, 40, 100);
+  Frame frame = lit(60, 40, 100);
   calibrate(nullptr, &flat.master, frame);
 
   EXPECT_LT(flat.master.defects, 30U) << "those along the edge";
   EXPECT_TRUE(std::isnan(frame.pixels.at(2, 2)));
   EXPECT_EQ(frame.pixels.at(30, 30), 100);
+}
+
+TEST(Calibration, SaturatedPixelsOfAFlatGetNoLevel) {
+  for (const bool is_known : {true, false}) {
+    const Master dark = plain_master(MasterKind::dark, 60, 40, 100);
+    MasterMaker maker(MasterKind::flat);
+    for (int k = 0; k < 3; ++k) {
+      Frame frame = plain(60, 40, 3000 + static_cast<float>(10 * k));
+      for (int y = 0; y < 40; ++y)
+        for (int x = 0; x < 25; ++x) frame.pixels.at(x, y) = 4095;
+      if (is_known) frame.saturation_adu = 4095;
+      calibrate(&dark, nullptr, frame);
+      EXPECT_TRUE(maker.add(frame));
+    }
+
+    const auto flat = maker.finish().value();
+
+    EXPECT_THAT(flat.defects, IsEmpty());
+    EXPECT_TRUE(std::isnan(flat.master.level.at(10, 20))) << is_known;
+    EXPECT_TRUE(std::isnan(flat.master.level.at(24, 20))) << is_known;
+    EXPECT_NEAR(flat.master.level.at(40, 20), 1, 1e-5);
+  }
+}
+
+TEST(Calibration, RefusesAFlatMostOfWhichIsSaturatedAlsoWhereNoFileSaysSo) {
+  Master dark = plain_master(MasterKind::dark, 20, 20, 100);
+  for (int x = 0; x < 20; ++x) dark.level.at(x, 5) = 130;
+  Frame all = plain(20, 20, 4095);
+  Frame most = plain(20, 20, 4095);
+  for (int x = 0; x < 20; ++x) most.pixels.at(x, 3) = 3000;
+  for (Frame frame : {all, most}) {
+    calibrate(&dark, nullptr, frame);
+    MasterMaker maker(MasterKind::flat);
+    const auto added = maker.add(frame);
+    ASSERT_FALSE(added);
+    EXPECT_THAT(added.error().reason, HasSubstr("too much light in a frame of a flat"));
+  }
+}
+
+TEST(Calibration, RefusesADarkThatIsSaturatedOrHasNoValue) {
+  MasterMaker maker(MasterKind::dark);
+  Frame saturated = plain(20, 20, 4095);
+  saturated.saturation_adu = 4095;
+  const float nan = std::numeric_limits<float>::quiet_NaN();
+  EXPECT_THAT(maker.add(saturated).error().reason, HasSubstr("too much light in a frame of a dark"));
+  EXPECT_THAT(maker.add(plain(20, 20, nan)).error().reason, HasSubstr("no pixel has a value in a frame"));
+  EXPECT_EQ(maker.frames(), 0);
+  for (int k = 0; k < 4; ++k) {  // each pixel is without a value in one of them
+    Frame frame = plain(20, 20, 100);
+    for (std::size_t i = static_cast<std::size_t>(k); i < frame.pixels.size(); i += 4)
+      frame.pixels.cells()[i] = nan;
+    EXPECT_TRUE(maker.add(frame));
+  }
+  EXPECT_THAT(maker.finish().error().reason, HasSubstr("no pixel has a value in all frames"));
 }
 
 TEST(Calibration, AMasterFitsFramesOfItsSetting) {
@@ -304,8 +365,8 @@ TEST(Calibration, AMasterFitsFramesOfItsSetting) {
 
 TEST(Calibration, RefusesFramesThatDoNotBelongTogether) {
   MasterMaker maker(MasterKind::flat);
-  EXPECT_TRUE(maker.add(plain(20, 20, 100)));
-  EXPECT_THAT(maker.add(plain(20, 21, 100)).error().reason, HasSubstr("20 x 21"));
+  EXPECT_TRUE(maker.add(lit(20, 20, 100)));
+  EXPECT_THAT(maker.add(lit(20, 21, 100)).error().reason, HasSubstr("20 x 21"));
   EXPECT_THAT(maker.add(plain(20, 20, 0)).error().reason, HasSubstr("no light"));
   Frame saturated = plain(20, 20, 255);
   saturated.saturation_adu = 255;

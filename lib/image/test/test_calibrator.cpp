@@ -29,6 +29,7 @@ Master plain_flat(float response) {
 Frame frame_of_exposure(double exposure_s) {
   Frame frame;
   frame.pixels = Plane(20, 16, 100);
+  frame.pixels.at(19, 15) = 101;  // all of one value: saturated
   frame.exposure_s = exposure_s;
   return frame;
 }

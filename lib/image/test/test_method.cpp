@@ -86,12 +86,18 @@ Frame odd_frame(const std::string& kind) {
 class OddFrames : public testing::TestWithParam<const char*> {};
 
 TEST_P(OddFrames, GiveFiniteFindingsOfEveryMethodAndInASequence) {
+  const std::string_view kind = GetParam();
+  const bool has_value = kind != "no value" && kind != "infinite";
   for (const MethodEntry& entry : methods()) {
     const auto parameters = Parameters::parse(entry.parameters, {});
     ASSERT_TRUE(parameters);
     const auto method = entry.make(*parameters);
     for (int k = 0; k < 3; ++k) {
       const auto found = method->process(odd_frame(GetParam()));
+      if (!has_value && entry.name == std::string_view("calibrate")) {
+        EXPECT_FALSE(found) << "no master is made of nothing";
+        continue;
+      }
       ASSERT_TRUE(found) << entry.name;
       for (const Star& s : found->stars) EXPECT_TRUE(std::isfinite(s.x + s.y + s.flux + s.snr + s.fwhm_px));
       for (const Streak& s : found->streaks)

@@ -304,7 +304,9 @@ TEST_F(ImageTaskTest, AMasterThatIsInUseIsASuccessAlsoWhereTheDiskTakesNoProduct
 
 TEST_F(ImageTaskTest, MakesNoFlatWithoutADarkThatFits) {
   std::vector<std::string> lit;
-  for (int k = 1; k <= 3; ++k) lit.push_back(store(k, image::Plane(96, 64, 2000)));
+  image::Plane even(96, 64, 2000);
+  even.at(50, 30) = 2010;  // all of one value: saturated
+  for (int k = 1; k <= 3; ++k) lit.push_back(store(k, even));
   ImageTask without = task(lit, "calibrate", 200'000, "kind=1");
   run(without);
   ASSERT_TRUE(without.failure());
