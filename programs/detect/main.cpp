@@ -300,6 +300,10 @@ int run(const Options& options) {
   if (options.method == "calibrate" && options.masters.empty())
     return refuse(Refusal{"--method calibrate makes a master: give its folder with --calibration"},
                   bad_usage);
+  if (options.method != "calibrate" && !options.masters.empty() &&
+      !std::filesystem::is_directory(options.masters))
+    return refuse(Refusal{fmt::format("--calibration {}: there is no such folder", options.masters)},
+                  bad_usage);
   const auto method = (*entry)->make(*parameters);
   const MastersUsed wanted = options.masters.empty() ? MastersUsed{} : (*entry)->masters_for(*parameters);
   Calibrator calibrator(MasterStore(options.masters), wanted);

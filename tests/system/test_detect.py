@@ -65,6 +65,8 @@ class DetectProgramTest(unittest.TestCase):
             darks, frame, masters = sorted(Path(name).glob("*_dark_*.fits")), Path(name) / "pattern_000.fits", str(Path(name) / "masters")
             no_folder = detect("--method", "calibrate", *darks)
             self.assertEqual((no_folder.returncode, "--calibration" in no_folder.stderr), (2, True), no_folder.stderr)
+            misspelt = detect("--method", "star_centroid", "--calibration", masters, frame)
+            self.assertEqual((misspelt.returncode, misspelt.stdout, "no such folder" in misspelt.stderr), (2, "", True), misspelt.stderr)
             few = detect("--method", "calibrate", "--calibration", masters, *darks[:2])
             self.assertEqual((few.returncode, "needs 3 frames" in few.stderr), (1, True), few.stderr)
             flat = detect("--method", "calibrate", "--params", "kind=1", "--calibration", masters, frame, frame, frame)
