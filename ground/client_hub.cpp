@@ -224,18 +224,12 @@ nlohmann::json ClientHub::send(ClientId id, const Client& client, const nlohmann
   const mission::EncodedCommand encoded = described.encoded();
   const bool ad = message.at("ad").get<bool>();
   const auto of_client = message.at("number").get<std::uint64_t>();
+  const std::string token = short_text(message.at("token"));
+  // Before all refusals: they say that nothing was sent.
+  if (auto known = sent_before(token, message.value("again", false))) return *std::move(known);
   if (ad && !client.uses_ad) return refusal("the AD service ended before the telecommand was transmitted");
   if (ad && client.keys)
     return refusal("the AD service is shared, so it uses the server's keys: leave out --keys or --ad");
-  const std::string token = short_text(message.at("token"));
-  // The order of a client whose last server ended before it answered.
-  if (hooks_.memory.request_of) {
-    const auto known = hooks_.memory.request_of(token);
-    if (known && *known) return {{"request", serve::to_message(**known)}, {"known", true}};
-    if (!known && message.value("again", false)) return refusal({OrderError::Kind::unknown, known.error()});
-  } else if (message.value("again", false)) {
-    return refusal({OrderError::Kind::unknown, "this server has no archive"});
-  }
   const std::uint64_t number = next_number_++;
   if (ad) ad_senders_[number] = {id, of_client};
   const auto request = link_.send({.command = encoded,
@@ -250,6 +244,19 @@ nlohmann::json ClientHub::send(ClientId id, const Client& client, const nlohmann
     return refusal(request.error());
   }
   return {{"request", serve::to_message(*request)}};
+}
+
+std::optional<nlohmann::json> ClientHub::sent_before(const std::string& token, bool again) const {
+  const Memory& memory = hooks_.memory;
+  std::string why_unknown = "this server has no archive";
+  if (memory.request_of) {
+    const auto known = memory.request_of(token);
+    if (known && *known) return nlohmann::json{{"request", serve::to_message(**known)}, {"known", true}};
+    // While the archive fails, telecommands are sent without a record.
+    why_unknown = !known ? known.error() : memory.problem ? memory.problem() : "";
+  }
+  if (!again || why_unknown.empty()) return std::nullopt;
+  return refusal(OrderError{OrderError::Kind::unknown, why_unknown});
 }
 
 nlohmann::json ClientHub::make_packet(const Client& client, const nlohmann::json& message) {

@@ -110,6 +110,8 @@ class ClientHub {
   [[nodiscard]] nlohmann::json carry_out(ClientId id, Client& client, const std::string& type,
                                          const nlohmann::json& message);
   [[nodiscard]] nlohmann::json send(ClientId id, const Client& client, const nlohmann::json& message);
+  /// The reply to an order that was sent before, or of which nobody knows; nullopt: it is a new one.
+  [[nodiscard]] std::optional<nlohmann::json> sent_before(const std::string& token, bool again) const;
   [[nodiscard]] nlohmann::json make_packet(const Client& client, const nlohmann::json& message);
   void replay(Client& client, std::int64_t after);
   [[nodiscard]] nlohmann::json order_ad(Client& client, const std::string& type,

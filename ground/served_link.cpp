@@ -19,6 +19,7 @@ namespace {
 
 constexpr milliseconds seek_period{100};
 constexpr std::size_t messages_a_turn = 256;
+constexpr int servers_of_a_telecommand = 5;
 
 nlohmann::json described(const mission::EncodedCommand& command) {
   return {{"name", command.command->name},
@@ -143,32 +144,44 @@ std::vector<nlohmann::json> ServerConnection::take_messages() {
   return messages;
 }
 
-Result<void, OrderError> ServerConnection::hand_over(const std::string& message) {
+Result<void, std::string> ServerConnection::hand_over(const std::string& message) {
   const MonotonicTime deadline = monotonic_now() + reply_patience;
   while (true) {
     if (socket_ && send_message(socket_.get(), message) == SendResult::sent) return {};
     lose(monotonic_now());
-    if (monotonic_now() >= deadline) return refused("the server has ended, and no other is there");
+    if (monotonic_now() >= deadline) return Err("the server has ended, and no other is there");
     static_cast<void>(::poll(nullptr, 0, static_cast<int>(seek_period.count())));
-    if (const auto sought = seek(monotonic_now()); !sought) return refused(sought.error());
+    if (const auto sought = seek(monotonic_now()); !sought) return sought;
   }
 }
 
-Result<nlohmann::json, OrderError> ServerConnection::call(nlohmann::json message) {
-  const std::uint64_t number = next_call_++;
-  message["call"] = number;
-  if (const auto handed = hand_over(serve::text_of(message)); !handed) return Err(handed.error());
+std::optional<nlohmann::json> ServerConnection::receive_reply(std::uint64_t call) {
   while (auto received = receive(monotonic_now() + reply_patience)) {
-    if ((*received)["type"] != "reply" || !received->contains("call") || (*received)["call"] != number) {
-      if (pending_.size() < pending_max) pending_.push_back(std::move(*received));
-      continue;
-    }
-    if (!received->contains("error")) return std::move(*received);
-    const std::string why = text(*received, "error");
-    if (received->value("unknown", false)) return not_known(why);
-    return refused(why);
+    if ((*received)["type"] == "reply" && received->contains("call") && (*received)["call"] == call)
+      return received;
+    if (pending_.size() < pending_max) pending_.push_back(std::move(*received));
   }
   lose(monotonic_now());
+  return std::nullopt;
+}
+
+Result<nlohmann::json, OrderError> ServerConnection::call(nlohmann::json message, int servers_max) {
+  const std::uint64_t number = next_call_++;
+  message["call"] = number;
+  for (int servers = 0; servers < servers_max; ++servers) {
+    if (const auto handed = hand_over(serve::text_of(message)); !handed) {
+      if (servers == 0) return refused(handed.error());
+      return not_known(handed.error());  // one before may have done it
+    }
+    if (auto reply = receive_reply(number)) {
+      if (!reply->contains("error")) return std::move(*reply);
+      const std::string why = text(*reply, "error");
+      if (reply->value("unknown", false)) return not_known(why);
+      return refused(why);
+    }
+    if (!welcome_.value("archive", false)) break;
+    message["again"] = true;
+  }
   return not_known("the server ended before it answered");
 }
 
@@ -217,22 +230,9 @@ std::string ServedLink::new_token() {
   return fmt::format("{}-{}", token_, tokens_++);
 }
 
-Result<nlohmann::json, OrderError> ServedLink::call(nlohmann::json message) {
-  auto reply = connection_.call(std::move(message));
+Result<nlohmann::json, OrderError> ServedLink::call(nlohmann::json message, int servers_max) {
+  auto reply = connection_.call(std::move(message), servers_max);
   resume_with_server();  // before anything of the reply counts
-  return reply;
-}
-
-/// A call that may be repeated when the server ended: the next one knows by the token whether it was done.
-Result<nlohmann::json, OrderError> ServedLink::call_once(nlohmann::json message) {
-  constexpr int servers_max = 5;
-  auto reply = call(message);
-  message["again"] = true;
-  for (int servers = 1; servers < servers_max && !reply; ++servers) {
-    if (!reply.error().is_unknown()) break;
-    if (!connection_.welcome().value("archive", false)) break;
-    reply = call(message);
-  }
   return reply;
 }
 
@@ -243,7 +243,7 @@ Result<wire::RequestId, OrderError> ServedLink::send(const TelecommandOrder& ord
   message["number"] = order.number;
   message["ad"] = order.ad;
   message["token"] = order.token.empty() ? new_token() : order.token;
-  const auto reply = call_once(message);
+  const auto reply = call(std::move(message), servers_of_a_telecommand);
   if (!reply && reply.error().is_unknown())
     return not_known(fmt::format("{}: it is not known whether it was sent: {}", order.command.command->name,
                                  reply.error().text));
@@ -265,7 +265,7 @@ Result<TelecommandPacket, OrderError> ServedLink::make_packet(const TelecommandO
 Result<void, OrderError> ServedLink::order_ad(nlohmann::json message) {
   const auto reply = call(std::move(message));
   if (!reply) return Err(reply.error());
-  if (const auto taken = take_messages(); !taken) return refused(taken.error());
+  line_ = take_messages();  // where the service is now
   return {};
 }
 
@@ -316,7 +316,7 @@ Result<void, std::string> ServedLink::on_readable() {
 }
 
 Result<void, std::string> ServedLink::take_messages() {
-  Result<void, std::string> outcome;  // what came after the line was closed is taken, too
+  auto outcome = std::exchange(line_, {});  // what came after the line was closed is taken, too
   for (const nlohmann::json& message : connection_.take_messages()) {
     try {
       if (const auto taken = take(message); !taken) outcome = taken;
@@ -381,7 +381,7 @@ void ServedLink::take_cop(const CopReport& report) {
 }
 
 Result<void, std::string> ServedLink::on_time() {
-  if (connection_.has_pending()) {
+  if (connection_.has_pending() || !line_) {
     if (const auto taken = take_messages(); !taken) return taken;
   }
   if (const auto sought = connection_.seek(monotonic_now()); !sought) return sought;
@@ -428,7 +428,8 @@ void ServedLink::tell_resumed() {
 }
 
 std::optional<MonotonicTime> ServedLink::next_deadline() const {
-  if (connection_.has_pending() || resumed_ || !orphans_.empty() || !ended_.empty()) return monotonic_now();
+  if (connection_.has_pending() || !line_ || resumed_ || !orphans_.empty() || !ended_.empty())
+    return monotonic_now();
   return connection_.next_seek();
 }
 

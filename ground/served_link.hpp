@@ -46,7 +46,9 @@ class ServerConnection {
   [[nodiscard]] bool has_pending() const { return !pending_.empty(); }
 
   /// Waits for the reply, and for a server if there is none, but not longer than reply_patience each.
-  [[nodiscard]] Result<nlohmann::json, OrderError> call(nlohmann::json message);
+  /// @param servers_max  more than 1: an order with a token. It is repeated when a server with an archive
+  ///                     ended before it answered: the next one knows by the token whether it was done
+  [[nodiscard]] Result<nlohmann::json, OrderError> call(nlohmann::json message, int servers_max = 1);
 
   /// Looks for a server again, if there is none. @return an error when that has taken too long
   [[nodiscard]] Result<void, std::string> seek(MonotonicTime now);
@@ -66,7 +68,9 @@ class ServerConnection {
   void follow(const nlohmann::json& message);
   void lose(MonotonicTime now);
   /// Sends to the server, or to the next one: a message is taken whole or not at all.
-  [[nodiscard]] Result<void, OrderError> hand_over(const std::string& message);
+  [[nodiscard]] Result<void, std::string> hand_over(const std::string& message);
+  /// nullopt: the server ended before it answered.
+  [[nodiscard]] std::optional<nlohmann::json> receive_reply(std::uint64_t call);
 
   std::filesystem::path path_;
   Hello hello_;
@@ -134,14 +138,13 @@ class ServedLink final : public StationLink {
   void take_state(const nlohmann::json& message);
   void take_cop(const CopReport& report);
   /// Makes a call; all that is made go this way.
-  [[nodiscard]] Result<nlohmann::json, OrderError> call(nlohmann::json message);
+  [[nodiscard]] Result<nlohmann::json, OrderError> call(nlohmann::json message, int servers_max = 1);
   /// If another server was found: what this one knows counts from now on. Reports nothing yet.
   void resume_with_server();
   /// Reports what went with the server before.
   void tell_resumed();
   void end_transfers(const std::vector<cfdp::Report>& before);
   [[nodiscard]] std::string new_token();
-  [[nodiscard]] Result<nlohmann::json, OrderError> call_once(nlohmann::json message);
 
   ServerConnection connection_;
   bool files_;
@@ -156,6 +159,7 @@ class ServedLink final : public StationLink {
   std::set<std::uint64_t> in_ad_;    ///< numbers in the hands of the AD service
   std::set<std::uint64_t> orphans_;  ///< of them those that went with a server that ended
   std::vector<cfdp::Report> ended_;  ///< transfers that the next server does not know
+  Result<void, std::string> line_;   ///< closed while an order was carried out, and not reported yet
   bool resumed_ = false;             ///< with another server, which is not told yet
   bool cop_changed_ = false;         ///< by that
   std::string token_;                ///< of this client, for the tokens of its telecommands

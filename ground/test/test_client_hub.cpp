@@ -97,6 +97,10 @@ ReceivedPacket packet(std::uint16_t sequence) {
 
 class Hub : public ::testing::Test {
  protected:
+  explicit Hub(ClientHub::Memory memory = {})
+      : hub_(link_, {.write = [](OctetView) { return Result<void, std::string>(); },
+                     .log = [this](const std::string& text) { log_.push_back(text); },
+                     .memory = std::move(memory)}) {}
   ClientId client(const std::string& verb = "tc") {
     const auto id = hub_.on_connect("pid 1 of user 1000");
     EXPECT_TRUE(id);
@@ -149,10 +153,21 @@ class Hub : public ::testing::Test {
 
   FakeLink link_;
   std::vector<std::string> log_;
-  ClientHub hub_{link_,
-                 {.write = [](OctetView) { return Result<void, std::string>(); },
-                  .log = [this](const std::string& text) { log_.push_back(text); }}};
+  ClientHub hub_;
   std::uint64_t calls_ = 0;
+};
+
+class HubWithArchive : public Hub {
+ protected:
+  HubWithArchive()
+      : Hub({.packet = {},
+             .request_of = [this](const std::string&) { return request_; },
+             .packets_after = {},
+             .file = {},
+             .problem = [this] { return problem_; }}) {}
+  /// What the archive says of every token.
+  Result<std::optional<wire::RequestId>, std::string> request_ = std::optional<wire::RequestId>();
+  std::string problem_;
 };
 
 TEST_F(Hub, SendsTheTelecommandsOfAllClientsInTheOrderOfTheirComing) {
@@ -202,9 +217,42 @@ TEST_F(Hub, DoesNotSendARepeatedOrderWhenNobodyKnowsWhetherItWasSent) {
   const nlohmann::json reply = send(id, 1, false, true);
   EXPECT_THAT(reply["error"].get<std::string>(), HasSubstr("no archive"));
   EXPECT_EQ(reply["unknown"], true);
+  EXPECT_EQ(send(id, 1, true, true)["unknown"], true) << "with the AD service, too";
   EXPECT_TRUE(link_.sent.empty());
   EXPECT_TRUE(send(id, 2, false).contains("request"));
   EXPECT_EQ(link_.sent.size(), 1U);
+}
+
+TEST_F(HubWithArchive, LooksARepeatedOrderUpBeforeItRefusesIt) {
+  const ClientId id = client();  // without the AD service
+  request_ = wire::RequestId{0x1811, 0xC005};
+  const nlohmann::json known = send(id, 1, true, true);
+  EXPECT_EQ(serve::request_of(known.value("request", nlohmann::json())), (wire::RequestId{0x1811, 0xC005}));
+  EXPECT_TRUE(known.value("known", false));
+
+  request_ = Err(std::string("the disk is broken"));
+  const nlohmann::json unknown = send(id, 2, true, true);
+  EXPECT_EQ(unknown.value("error", ""), "the disk is broken");
+  EXPECT_TRUE(unknown.value("unknown", false));
+
+  request_ = std::optional<wire::RequestId>();
+  const nlohmann::json refused = send(id, 3, true, true);
+  EXPECT_THAT(refused.value("error", ""), HasSubstr("the AD service ended"));
+  EXPECT_FALSE(refused.contains("unknown")) << "the archive says that it was not sent";
+  EXPECT_TRUE(link_.sent.empty());
+}
+
+TEST_F(HubWithArchive, DoesNotSendARepeatedOrderWhileNothingIsRecorded) {
+  const ClientId id = client();
+  problem_ = "no room";
+  const nlohmann::json reply = send(id, 1, false, true);
+  EXPECT_EQ(reply.value("error", ""), "no room");
+  EXPECT_TRUE(reply.value("unknown", false));
+  EXPECT_TRUE(link_.sent.empty());
+  EXPECT_TRUE(send(id, 2, false).contains("request")) << "a new order is sent, recorded or not";
+
+  problem_.clear();
+  EXPECT_TRUE(send(id, 3, false, true).contains("request")) << "it was not sent";
 }
 
 TEST_F(Hub, TellsWhyATelecommandWasNotSent) {

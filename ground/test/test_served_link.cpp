@@ -217,6 +217,74 @@ TEST_F(Served, ServerThatCannotTellWhetherItWasSentSaysSo) {
   EXPECT_THAT(sent.error().text, HasSubstr("this server has no archive"));
 }
 
+TEST_F(Served, OrderWithoutAnAnswerStaysUnknownWhenNoServerComesBack) {
+  connect([this](int, const nlohmann::json& message) -> std::optional<Messages> {
+    if (message["type"] == "hello") return Messages{welcome(AdPhase::off, {}, 0)};
+    std::filesystem::remove(socket());
+    return std::nullopt;
+  });
+  mission::Command command;
+  command.name = "eps.switch_load";
+
+  const auto sent = link_->send({.command = {&command, {}}, .number = 1});
+
+  ASSERT_FALSE(sent);
+  EXPECT_TRUE(sent.error().is_unknown()) << sent.error().text;
+  EXPECT_THAT(sent.error().text, HasSubstr("eps.switch_load: it is not known whether it was sent"));
+  EXPECT_THAT(sent.error().text, HasSubstr("no other is there"));
+}
+
+TEST_F(Served, OrderWithoutAnAnswerStaysUnknownWhenTheNextServerRefusesTheClient) {
+  connect([](int client, const nlohmann::json& message) -> std::optional<Messages> {
+    if (message["type"] != "hello") return std::nullopt;
+    if (client == 1) return Messages{welcome(AdPhase::off, {}, 0)};
+    return Messages{nlohmann::json{{"type", "refused"}, {"message", "another version"}}, nullptr};
+  });
+  mission::Command command;
+  command.name = "eps.switch_load";
+
+  const auto sent = link_->send({.command = {&command, {}}, .number = 1});
+  const auto next = link_->send({.command = {&command, {}}, .number = 2});
+
+  ASSERT_FALSE(sent);
+  EXPECT_TRUE(sent.error().is_unknown());
+  EXPECT_THAT(sent.error().text, HasSubstr("another version"));
+  ASSERT_FALSE(next);
+  EXPECT_FALSE(next.error().is_unknown()) << "no server ever had this one";
+}
+
+TEST_F(Served, OrderThatTheNextServerLookedUpAndRefusesIsRefused) {
+  connect([](int client, const nlohmann::json& message) -> std::optional<Messages> {
+    if (message["type"] == "hello") return Messages{welcome(AdPhase::off, {}, 0)};
+    if (client == 1) return std::nullopt;
+    return Messages{reply_to(message, {{"error", "the line is closed"}})};
+  });
+  mission::Command command;
+  command.name = "eps.switch_load";
+
+  const auto sent = link_->send({.command = {&command, {}}, .number = 1});
+
+  ASSERT_FALSE(sent);
+  EXPECT_FALSE(sent.error().is_unknown());
+  EXPECT_EQ(sent.error().text, "the line is closed");
+}
+
+TEST_F(Served, OrderThatWasCarriedOutIsNotRefusedWhenTheLineCloses) {
+  connect([](int, const nlohmann::json& message) -> std::optional<Messages> {
+    if (message["type"] == "hello") return Messages{welcome(AdPhase::off, {}, 0)};
+    return Messages{nlohmann::json{{"type", "line_closed"}, {"message", "the port is gone"}},
+                    reply_to(message)};
+  });
+
+  EXPECT_TRUE(link_->unlock());
+
+  EXPECT_TRUE(link_->next_deadline()) << "there is news";
+  const auto turned = link_->on_time();
+  ASSERT_FALSE(turned) << "it is told after the order";
+  EXPECT_EQ(turned.error(), "the port is gone");
+  EXPECT_TRUE(link_->on_time()) << "and once";
+}
+
 TEST_F(Served, OrderThatTheServerDidNotTakeGoesToTheNextOne) {
   connect([](int client, const nlohmann::json& message) -> std::optional<Messages> {
     if (message["type"] != "hello") return Messages{reply_to(message)};
