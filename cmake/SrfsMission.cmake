@@ -24,6 +24,11 @@ function(srfs_mission name)
   set(generated ${CMAKE_BINARY_DIR}/share/${name}/structures)  # the build lane on board compiles with them, too
   list(TRANSFORM files PREPEND ${folder}/ OUTPUT_VARIABLE dictionary)
   srfs_generator_files(generator)
+  # What reads it in flight and on the ground knows each key: a misspelt one ends the build, with file and line.
+  set(check)
+  if(NOT CMAKE_CROSSCOMPILING)
+    set(check COMMAND sh -c "SRFS_MISSION_DIR='${folder}' '${SRFS_PROGRAM_FOLDER}/srfs-ground' list > /dev/null")
+  endif()
   # Files of an installation may be older than what was built before it.
   set(stamp ${CMAKE_CURRENT_BINARY_DIR}/structures_${srfs_VERSION}.stamp)
   add_custom_command(
@@ -31,6 +36,7 @@ function(srfs_mission name)
     BYPRODUCTS ${generated}/mission/structures.hpp ${generated}/mission/structures.cpp
     COMMAND ${Python3_EXECUTABLE} -B ${SRFS_GENERATOR_FOLDER}/mission_structures.py --dictionary ${folder}
             --out ${generated}/mission/structures.hpp --source ${generated}/mission/structures.cpp
+    ${check}
     COMMAND ${CMAKE_COMMAND} -E touch ${stamp}
     DEPENDS ${dictionary} ${generator}
     COMMENT "Generating C++ structs of the mission dictionary" VERBATIM)

@@ -89,6 +89,22 @@ class NewTest(SystemTest):
         self.check_mission(mine, mine / "sim.yaml", ["payload_one", "payload_two"])
         self.assertEqual({p.name for p in mine.iterdir()}, {"payload_one", "payload_two", *(Path(name).name for name in made["made"])})
 
+    def test_a_misspelt_key_of_its_dictionary_ends_the_build_with_its_place(self):
+        mine = self.folder / "my_mission"
+        self.new("payload", "one", folder=mine)
+        dictionary = mine / "payload_one/dictionary.yaml"
+        right = dictionary.read_text()
+        configure = ["cmake", "-S", mine, "-B", mine / "build", "-G", "Ninja", f"-DCMAKE_PREFIX_PATH={BIN.parent}"]
+        build = ["cmake", "--build", mine / "build", "--target", "my_mission_dictionary"]
+        self.assertIn("unit:", right)
+        dictionary.write_text(right.replace("unit:", "units:", 1))
+        subprocess.run(configure, stdin=subprocess.DEVNULL, capture_output=True, check=True, timeout=300)
+        wrong = subprocess.run(build, stdin=subprocess.DEVNULL, capture_output=True, text=True, timeout=300)
+        self.assertNotEqual(wrong.returncode, 0, wrong.stdout)
+        self.assertRegex(wrong.stdout + wrong.stderr, r"payload_one/dictionary\.yaml:[0-9]+: .*units': unknown key, expected one of")
+        dictionary.write_text(right)
+        subprocess.run(build, stdin=subprocess.DEVNULL, capture_output=True, check=True, timeout=300)
+
     def test_names_and_deployment_are_those_of_the_mission_it_is_for(self):
         mine = self.folder / "my_mission"
         for name in ("eps", "adcs"):  # SRFS' own mission has both
