@@ -230,6 +230,7 @@ class Shell:
 
     def end(self):
         """Ends the shell and all that runs in it. Returns whether it ended by itself."""
+        left = self._children() if self._bash.poll() is None else set()  # in the background, each in a process group of its own, after a page that was cut off
         self._bash.stdin.close()
         try:
             self._bash.wait(10)
@@ -239,6 +240,9 @@ class Shell:
             self._bash.wait()
             return False
         finally:
+            for pid in left:
+                with contextlib.suppress(ProcessLookupError):
+                    os.killpg(pid, signal.SIGTERM)
             self._reader.join(5)
             self._bash.stdout.close()
             self._scripts.cleanup()
