@@ -36,6 +36,14 @@ def show_checks(checks):
             print(f"            {line}")
 
 
+def conclude(checks):
+    """Shows the checks and their number; the exit code of a program that is its checks."""
+    show_checks(checks)
+    failed = sum(not result["ok"] for result in checks)
+    print(f"{len(checks) - failed} passed, {failed} failed")
+    return int(failed != 0)
+
+
 def verdict(met):
     return "met" if met else "missed"
 

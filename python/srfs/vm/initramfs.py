@@ -23,7 +23,7 @@ import tempfile
 from srfs import ROOT
 from srfs.flight import deployments
 from srfs.flight.processes import PATIENCE, wait_until
-from srfs.report import check, show_checks
+from srfs.report import check, conclude
 from srfs.vm import guest
 
 ANSWER_S = 240 * PATIENCE  # the kernel starts on an emulated processor
@@ -165,10 +165,7 @@ def main():
             raise guest.CannotRun("mkinitramfs is missing: install the packages of packages.txt (group vm)")
         with tempfile.TemporaryDirectory(prefix="srfs-initramfs-") as folder:
             checks = fly(pathlib.Path(folder), options.build.absolute(), guest.kernel_folder(guest.say))
-        show_checks(checks)
-        failed = sum(not result["ok"] for result in checks)
-        print(f"{len(checks) - failed} passed, {failed} failed")
-        return int(failed != 0)
+        return conclude(checks)
 
     return guest.exit_code_of(run)
 

@@ -16,7 +16,7 @@ import sys
 import tempfile
 
 from srfs import ROOT
-from srfs.report import check, show_checks
+from srfs.report import check, conclude
 from srfs.vm import guest
 
 DEVICES = {"softdog": (), "i6300esb": ("-device", "i6300esb")}
@@ -64,10 +64,7 @@ def main():
 
     def run():
         checks = [check for driver in ([options.only] if options.only else DEVICES) for check in fly(driver, options.build.absolute())]
-        show_checks(checks)
-        failed = sum(not result["ok"] for result in checks)
-        print(f"{len(checks) - failed} passed, {failed} failed")
-        return int(failed != 0)
+        return conclude(checks)
 
     return guest.exit_code_of(run)
 
