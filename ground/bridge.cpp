@@ -6,11 +6,9 @@
 #include <array>
 #include <cerrno>
 
-#include <arpa/inet.h>
 #include <fmt/format.h>
 #include <sys/socket.h>
 
-#include "base/text.hpp"
 #include "wire/cltu.hpp"
 #include "wire/crc16.hpp"
 #include "wire/tc_frame.hpp"
@@ -24,24 +22,6 @@ constexpr std::size_t longest_cltu = wire::cltu_start_sequence.size() +
                                      wire::cltu_tail_sequence.size();
 
 }  // namespace
-
-std::optional<sockaddr_in> parse_udp_address(std::string_view text) {
-  const std::size_t colon = text.rfind(':');
-  const std::string host(colon == std::string_view::npos ? "127.0.0.1" : text.substr(0, colon));
-  const std::string_view port = colon == std::string_view::npos ? text : text.substr(colon + 1);
-  const auto number = to_number<std::uint16_t>(port);
-  sockaddr_in address{};
-  address.sin_family = AF_INET;
-  if (!number || inet_pton(AF_INET, host.c_str(), &address.sin_addr) != 1) return std::nullopt;
-  address.sin_port = htons(*number);
-  return address;
-}
-
-std::string to_text(const sockaddr_in& address) {
-  std::array<char, INET_ADDRSTRLEN> host{};
-  inet_ntop(AF_INET, &address.sin_addr, host.data(), host.size());
-  return fmt::format("{}:{}", host.data(), ntohs(address.sin_port));
-}
 
 std::string_view to_text(DatagramError error) {
   switch (error) {

@@ -4,7 +4,6 @@
 
 #include <cstdint>
 #include <memory>
-#include <optional>
 #include <string>
 #include <string_view>
 
@@ -14,16 +13,13 @@
 #include "base/fd.hpp"
 #include "base/octets.hpp"
 #include "base/result.hpp"
+#include "ground/internet_address.hpp"
 #include "ground/link.hpp"
 #include "suite/deployment.hpp"
 #include "wire/cadu.hpp"
 #include "wire/tm_frame.hpp"
 
 namespace srfs::ground {
-
-/// "127.0.0.1:10015" or "10015" (loopback); no names. nullopt: malformed.
-[[nodiscard]] std::optional<sockaddr_in> parse_udp_address(std::string_view text);
-[[nodiscard]] std::string to_text(const sockaddr_in& address);
 
 enum class DatagramError : std::uint8_t {
   too_short,

@@ -26,6 +26,7 @@ nlohmann::json refusal(const std::string& why) {
 nlohmann::json refusal(const OrderError& error) {
   nlohmann::json reply = refusal(error.text);
   if (error.is_unknown()) reply["unknown"] = true;
+  if (error.kind == OrderError::Kind::unrecorded) reply["unrecorded"] = true;
   return reply;
 }
 
@@ -238,7 +239,8 @@ nlohmann::json ClientHub::send(ClientId id, const Client& client, const nlohmann
                                    .ad = ad,
                                    .keys = client.keys,
                                    .who = client.who + ", " + client.verb,
-                                   .token = token});
+                                   .token = token,
+                                   .recorded_alone = message.value("recorded_alone", false)});
   if (!request) {
     ad_senders_.erase(number);
     return refusal(request.error());

@@ -15,6 +15,10 @@ namespace {
 
 constexpr milliseconds line_ahead{20};  ///< of file data in the driver; a telecommand waits no longer
 
+auto unrecorded() {
+  return Err(OrderError{OrderError::Kind::unrecorded, "it cannot be recorded in the archive"});
+}
+
 }  // namespace
 
 DirectLink::DirectLink(const mission::Dictionary& dictionary, const suite::LinkSettings& link, Port port,
@@ -47,7 +51,7 @@ Result<wire::RequestId, OrderError> DirectLink::send(const TelecommandOrder& ord
   if (order.ad) {
     auto made = uplink_now().make_packet(order.command);
     if (!made) return refused(made.error());
-    if (made_) made_(order, made->request, false);
+    if (made_ && !made_(order, made->request, false)) return unrecorded();
     if (!ad_.request(order.number, std::move(made->packet), monotonic_now())) {
       unsent_(order);
       return refused("too many telecommands are waiting for the AD service");
@@ -56,7 +60,7 @@ Result<wire::RequestId, OrderError> DirectLink::send(const TelecommandOrder& ord
   }
   const auto telecommand = uplink_now().make(order.command, order.keys);
   if (!telecommand) return refused(telecommand.error());
-  if (made_) made_(order, telecommand->request, false);
+  if (made_ && !made_(order, telecommand->request, false)) return unrecorded();
   if (const auto written = write_line(telecommand->cltu); !written) {
     unsent_(order);
     return refused(written.error());
@@ -67,7 +71,7 @@ Result<wire::RequestId, OrderError> DirectLink::send(const TelecommandOrder& ord
 Result<TelecommandPacket, OrderError> DirectLink::make_packet(const TelecommandOrder& order) {
   auto made = uplink_now().make_packet(order.command);
   if (!made) return refused(made.error());
-  if (made_) made_(order, made->request, true);
+  if (made_ && !made_(order, made->request, true)) return unrecorded();
   return std::move(*made);
 }
 

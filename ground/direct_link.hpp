@@ -28,7 +28,8 @@ class DirectLink final : public StationLink {
   /// The octets of the line as they come, before anything is decoded.
   void set_octets_output(std::function<void(OctetView)> octets) { octets_ = std::move(octets); }
   /// Each telecommand, before it is written or handed to the AD service; of make_packet() with scheduled.
-  using Made = std::function<void(const TelecommandOrder&, const wire::RequestId&, bool scheduled)>;
+  /// @return false: it was not recorded and is not sent without
+  using Made = std::function<bool(const TelecommandOrder&, const wire::RequestId&, bool scheduled)>;
   void set_made_output(Made made) { made_ = std::move(made); }
   /// Each of them that was refused behind that: nothing of it went up.
   using Unsent = std::function<void(const TelecommandOrder&)>;

@@ -10,6 +10,7 @@
 
 #include "base/file.hpp"
 #include "base/text.hpp"
+#include "ground/link.hpp"
 
 namespace srfs::ground {
 namespace {
@@ -17,6 +18,7 @@ namespace {
 constexpr std::string_view port_name = "rs422";
 
 std::filesystem::path folder_of(const std::string& port) {
+  if (is_network_port(port)) return "var";
   const auto parent = std::filesystem::path(port).parent_path();
   return parent.empty() ? std::filesystem::path(".") : parent;
 }
@@ -37,8 +39,8 @@ std::vector<std::string> words_of(const std::string& text) {
 Place place_of(const PlaceHints& hints) {
   const std::filesystem::path var = hints.var_environment;
   if (!hints.port_argument.empty()) {
-    const bool device = hints.port_argument.starts_with("/dev/");
-    return {hints.port_argument, device && !var.empty() ? var : folder_of(hints.port_argument)};
+    const bool apart = hints.port_argument.starts_with("/dev/") || is_network_port(hints.port_argument);
+    return {hints.port_argument, apart && !var.empty() ? var : folder_of(hints.port_argument)};
   }
   if (!hints.port_environment.empty())
     return {hints.port_environment, var.empty() ? folder_of(hints.port_environment) : var};

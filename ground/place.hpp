@@ -26,8 +26,8 @@ struct Place {
 };
 
 /// Port and VAR: --port, SRFS_PORT, SRFS_VAR, the folder var here, the only simulation that runs. VAR is the
-/// port's folder, but SRFS_VAR for a device of the computer (/dev/...) and for a port of the environment.
-/// Pure.
+/// port's folder, but SRFS_VAR for a device of the computer (/dev/...), for an address (tcp:, udp:; without
+/// SRFS_VAR: "var") and for a port of the environment. Pure.
 [[nodiscard]] Place place_of(const PlaceHints& hints);
 
 /// VAR in the command line of a simulator; nullopt: another program's.

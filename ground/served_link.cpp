@@ -45,6 +45,13 @@ std::string text(const nlohmann::json& message, const char* name) {
   return message.contains(name) && message[name].is_string() ? message[name].get<std::string>() : "";
 }
 
+Result<nlohmann::json, OrderError> judged(nlohmann::json reply) {
+  if (!reply.contains("error")) return reply;
+  const std::string why = text(reply, "error");
+  if (reply.value("unknown", false)) return not_known(why);
+  return refused(why);
+}
+
 }  // namespace
 
 Result<std::optional<ServerConnection>, std::string> ServerConnection::open(
@@ -168,18 +175,22 @@ std::optional<nlohmann::json> ServerConnection::receive_reply(std::uint64_t call
 Result<nlohmann::json, OrderError> ServerConnection::call(nlohmann::json message, int servers_max) {
   const std::uint64_t number = next_call_++;
   message["call"] = number;
+  message["recorded_alone"] = servers_max > 1;
+  bool perhaps_done = false;
   for (int servers = 0; servers < servers_max; ++servers) {
-    if (const auto handed = hand_over(serve::text_of(message)); !handed) {
-      if (servers == 0) return refused(handed.error());
-      return not_known(handed.error());  // one before may have done it
+    if (const auto handed = hand_over(serve::text_of(message)); !handed)
+      return perhaps_done ? not_known(handed.error()) : refused(handed.error());
+    auto reply = receive_reply(number);
+    const bool repeatable = message["recorded_alone"].get<bool>();
+    if (reply && repeatable && reply->value("unrecorded", false)) {
+      // The archive fails: the order goes up without a record. No other server could know of it then.
+      message["recorded_alone"] = false;
+      servers_max = servers + 2;
+      continue;
     }
-    if (auto reply = receive_reply(number)) {
-      if (!reply->contains("error")) return std::move(*reply);
-      const std::string why = text(*reply, "error");
-      if (reply->value("unknown", false)) return not_known(why);
-      return refused(why);
-    }
-    if (!welcome_.value("archive", false)) break;
+    if (reply) return judged(std::move(*reply));
+    perhaps_done = true;
+    if (!repeatable || !welcome_.value("archive", false)) break;
     message["again"] = true;
   }
   return not_known("the server ended before it answered");

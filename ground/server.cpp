@@ -98,9 +98,11 @@ void Server::run(DirectLink& link, const OpenPort& open_port, const wire::FopSet
                        .memory = memory_of(recorder)});
   link.set_octets_output([&hub](OctetView octets) { hub.on_octets(octets); });
   link.set_made_output([recorder, &hub](const auto& order, const auto& request, bool scheduled) {
-    if (recorder != nullptr)
-      static_cast<void>(recorder->on_telecommand(order, request, scheduled, system_utc_now()));
+    if (recorder != nullptr && !recorder->on_telecommand(order, request, scheduled, system_utc_now()) &&
+        order.recorded_alone)
+      return false;
     hub.on_telecommand({request, order.command.command->name, order.who, scheduled});
+    return true;
   });
   link.set_unsent_output([recorder](const auto& order) {
     if (recorder != nullptr) recorder->on_not_sent(order.token);

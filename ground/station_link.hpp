@@ -42,8 +42,9 @@ struct SeenTelecommand {
 /// Why an order has no result.
 struct OrderError {
   enum class Kind : std::uint8_t {
-    refused,  ///< nothing was done
-    unknown,  ///< the server ended before it answered: whether it was done is not known
+    refused,     ///< nothing was done
+    unknown,     ///< the server ended before it answered: whether it was done is not known
+    unrecorded,  ///< nothing was done: it was to be recorded before, and could not be
   };
   Kind kind = Kind::refused;
   std::string text = {};  ///< ready to print
@@ -76,7 +77,8 @@ struct TelecommandOrder {
   bool ad = false;                                 ///< by the AD service
   std::optional<suite::AssociationSet> keys = {};  ///< of this BD frame; nullopt: those in use
   std::string who = {};                            ///< for the archive
-  std::string token = {};  ///< likewise: unique; an order with a known one is not carried out again
+  std::string token = {};       ///< likewise: unique; an order with a known one is not carried out again
+  bool recorded_alone = false;  ///< not sent when the archive cannot record it
 };
 
 /// The way to the spacecraft below telecommands and their stages: counters, keys, frames, COP-1, CFDP.

@@ -146,6 +146,14 @@ Result<std::optional<ServerConnection>, std::string> server_of(const Operation& 
 
 namespace {
 
+constexpr milliseconds connection_patience{5000};  ///< for the other end of a TCP connection
+
+Result<Port, std::string> open_port(const Operation& operation, const suite::LinkSettings& link) {
+  auto opener = PortOpener::of(operation.arguments.port, link.baud);
+  if (!opener) return Err(opener.error());
+  return opener->open(connection_patience);
+}
+
 /// The way to the spacecraft: through the server if one runs, else the line itself.
 Result<std::unique_ptr<StationLink>, std::string> open_link(const Operation& operation,
                                                             const suite::LinkSettings& link, bool files) {
@@ -160,7 +168,7 @@ Result<std::unique_ptr<StationLink>, std::string> open_link(const Operation& ope
       warn(operation.arguments, "a server owns the line: its --window, --t1 and --transmissions count");
     return std::make_unique<ServedLink>(std::move(**server), files);
   }
-  auto port = Port::open(operation.arguments.port, link.baud);
+  auto port = open_port(operation, link);
   if (!port) return Err(port.error());
   // Counters and transfers of the folder are one process's, also while a server has not opened its port yet.
   auto lock = lock_state(operation.state_dir);
@@ -192,7 +200,7 @@ Result<std::unique_ptr<OctetLine>, std::string> open_octets(const Operation& ope
   auto server = server_of(operation, false, true);
   if (!server) return Err(server.error());
   if (*server) return std::make_unique<ServedLine>(std::move(**server));
-  auto port = Port::open(operation.arguments.port, link.baud);
+  auto port = open_port(operation, link);
   if (!port) return Err(port.error());
   return std::make_unique<Port>(std::move(*port));
 }
@@ -237,8 +245,8 @@ void define_run(CLI::App& app, Arguments& a) {
   app.set_version_flag("--version", version());
   app.add_option(
       "--port", a.port,
-      "Serial port of the ground link (default: $SRFS_PORT, $SRFS_VAR/rs422, var/rs422, or that of "
-      "the simulation that runs)");
+      "Serial port of the ground link, tcp:[HOST:]PORT or udp:[HOST:]PORT[,LOCAL_PORT] (default: $SRFS_PORT, "
+      "$SRFS_VAR/rs422, var/rs422, or that of the simulation that runs)");
   app.add_option("--deployment", a.deployment, "Deployment file, or its name in launch_config")
       ->envname("SRFS_DEPLOYMENT")
       ->capture_default_str();

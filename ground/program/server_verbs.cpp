@@ -17,14 +17,17 @@
 namespace srfs::ground::program {
 namespace {
 
+/// For the other end of a TCP connection, each second: the clients wait meanwhile.
+constexpr milliseconds connection_wait{50};
+
 struct UdpAddresses {
   sockaddr_in tm;
   sockaddr_in tc;
 };
 
 Result<UdpAddresses, std::string> udp_addresses(const Arguments& a) {
-  const auto tm = parse_udp_address(a.tm);
-  const auto tc = parse_udp_address(a.tc);
+  const auto tm = parse_internet_address(a.tm);
+  const auto tc = parse_internet_address(a.tc);
   if (!tm || ntohs(tm->sin_port) == 0) return Err(a.tm + ": expected [HOST:]PORT, the host as a.b.c.d");
   if (!tc) return Err(a.tc + ": expected [HOST:]PORT, the host as a.b.c.d");
   return UdpAddresses{*tm, *tc};
@@ -96,6 +99,8 @@ Exit serve(const Operation& operation) {
   const Arguments& a = operation.arguments;
   if (const auto wrong = api::wrong_options(a.web)) return fail(a, *wrong);
   const auto link = link_of(a);
+  auto opener = PortOpener::of(a.port, link.baud);
+  if (!opener) return fail(a, opener.error());
   auto server = Server::open(operation.state_dir);
   if (!server) return fail(a, server.error());
   auto line = open_line(operation, link, Port::closed(a.port), true);
@@ -106,7 +111,7 @@ Exit serve(const Operation& operation) {
   std::printf("serving %s at %s\n", a.port.c_str(), server->socket().c_str());
   std::fflush(stdout);
   server->run(
-      **line, [&] { return Port::open(a.port, link.baud); }, fop_settings(a), recorder.get(),
+      **line, [&opener] { return opener->open(connection_wait); }, fop_settings(a), recorder.get(),
       [&web](MonotonicTime now) {
         if (web) web->on_time(now);
       });

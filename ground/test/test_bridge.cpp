@@ -48,11 +48,11 @@ TEST(BridgeUplink, RefusesWhatIsNeither) {
 }
 
 TEST(BridgeAddress, IsLoopbackUnlessAHostIsNamed) {
-  EXPECT_EQ(to_text(*parse_udp_address("10015")), "127.0.0.1:10015");
-  EXPECT_EQ(to_text(*parse_udp_address("0.0.0.0:7")), "0.0.0.0:7");
+  EXPECT_EQ(to_text(*parse_internet_address("10015")), "127.0.0.1:10015");
+  EXPECT_EQ(to_text(*parse_internet_address("0.0.0.0:7")), "0.0.0.0:7");
   for (const std::string_view wrong :
        {"", ":", "localhost:5", "127.0.0.1:", "127.0.0.1:65536", "127.0.0.1:5x", "::1:5"})
-    EXPECT_FALSE(parse_udp_address(wrong)) << wrong;
+    EXPECT_FALSE(parse_internet_address(wrong)) << wrong;
 }
 
 }  // namespace

@@ -24,10 +24,13 @@ class FakeLink final : public StationLink {
   std::vector<Sent> sent;
   CopReport report;
   std::string sending_fails;
+  bool archive_fails = false;
   std::string ad_fails;
 
   Result<wire::RequestId, OrderError> send(const TelecommandOrder& order) override {
     if (!sending_fails.empty()) return refused(sending_fails);
+    if (archive_fails && order.recorded_alone)
+      return Err(OrderError{OrderError::Kind::unrecorded, "no room in the archive"});
     sent.push_back({order.command.command->name, order.number, order.ad});
     return wire::RequestId{0x1811, static_cast<std::uint16_t>(0xC000 + sent.size())};
   }
@@ -132,7 +135,8 @@ class Hub : public ::testing::Test {
     say(id, {{"type", type}, {"call", ++calls_}, {"vr", 7}});
     return next(id, "reply");
   }
-  nlohmann::json send(ClientId id, std::uint64_t number, bool ad, bool again = false) {
+  nlohmann::json send(ClientId id, std::uint64_t number, bool ad, bool again = false,
+                      bool recorded_alone = false) {
     say(id, {{"type", "send"},
              {"call", ++calls_},
              {"name", "eps.switch_load"},
@@ -144,6 +148,7 @@ class Hub : public ::testing::Test {
              {"number", number},
              {"ad", ad},
              {"again", again},
+             {"recorded_alone", recorded_alone},
              {"token", "t" + std::to_string(calls_)}});
     return next(id, "reply");
   }
@@ -253,6 +258,16 @@ TEST_F(HubWithArchive, DoesNotSendARepeatedOrderWhileNothingIsRecorded) {
 
   problem_.clear();
   EXPECT_TRUE(send(id, 3, false, true).contains("request")) << "it was not sent";
+}
+
+TEST_F(HubWithArchive, DoesNotSendWhatItCannotRecordUnlessTheClientTakesItSo) {
+  const ClientId id = client();
+  link_.archive_fails = true;
+  const nlohmann::json refused = send(id, 1, false, false, true);
+  EXPECT_EQ(refused.value("error", ""), "no room in the archive");
+  EXPECT_TRUE(refused.value("unrecorded", false));
+  EXPECT_TRUE(link_.sent.empty());
+  EXPECT_TRUE(send(id, 2, false).contains("request"));
 }
 
 TEST_F(Hub, TellsWhyATelecommandWasNotSent) {

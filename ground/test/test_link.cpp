@@ -5,9 +5,11 @@
 #include <set>
 
 #include <fcntl.h>
+#include <fmt/format.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <poll.h>
+#include <sys/socket.h>
 #include <unistd.h>
 #include <mission/structures.hpp>
 
@@ -442,6 +444,143 @@ TEST_F(StallingLine, ThatIsClosedTakesNothing) {
   port_ = Port::closed("port");
   EXPECT_FALSE(port_.queue(Octets{1}, now_));
   EXPECT_TRUE(port_.flush(now_));
+}
+
+/// The other end of a network port, at the loopback.
+class NetworkPort : public ::testing::TestWithParam<int> {
+ protected:
+  void SetUp() override {
+    far_ = Fd(::socket(AF_INET, GetParam(), 0));
+    ASSERT_TRUE(far_);
+    sockaddr_in address{};
+    address.sin_family = AF_INET;
+    address.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
+    ASSERT_EQ(::bind(far_.get(), reinterpret_cast<const sockaddr*>(&address), sizeof address), 0);
+    socklen_t length = sizeof address;
+    ASSERT_EQ(::getsockname(far_.get(), reinterpret_cast<sockaddr*>(&address), &length), 0);
+    name_ = fmt::format("{}:{}", GetParam() == SOCK_STREAM ? "tcp" : "udp", ntohs(address.sin_port));
+  }
+  /// The near end opens the line, sends 1, and the far end has it.
+  void connect() {
+    ASSERT_TRUE(GetParam() != SOCK_STREAM || ::listen(far_.get(), 1) == 0);
+    opener_ = PortOpener::of(name_, 921600);
+    ASSERT_TRUE(opener_) << opener_.error();
+    auto port = opener_->open(milliseconds(5000));
+    ASSERT_TRUE(port) << port.error();
+    port_ = std::move(*port);
+    ASSERT_TRUE(port_.queue(Octets{1}, now_));
+    if (GetParam() == SOCK_STREAM) {
+      far_ = Fd(::accept(far_.get(), nullptr, nullptr));
+    } else {
+      sockaddr_in near{};
+      socklen_t length = sizeof near;
+      ASSERT_EQ(::recvfrom(far_.get(), nullptr, 0, MSG_PEEK, reinterpret_cast<sockaddr*>(&near), &length), 0);
+      ASSERT_EQ(::connect(far_.get(), reinterpret_cast<const sockaddr*>(&near), length), 0);
+    }
+    EXPECT_EQ(received_far(), Octets{1});
+  }
+  Octets received_far() {
+    Octets octets(4096);
+    const ssize_t got = ::recv(far_.get(), octets.data(), octets.size(), 0);
+    octets.resize(got < 0 ? 0 : static_cast<std::size_t>(got));
+    return octets;
+  }
+  void send_far(const Octets& octets) {
+    ASSERT_EQ(::send(far_.get(), octets.data(), octets.size(), MSG_NOSIGNAL),
+              static_cast<ssize_t>(octets.size()));
+  }
+  void wait_near() {
+    pollfd wait{port_.fd(), POLLIN, 0};
+    ASSERT_EQ(::poll(&wait, 1, 5000), 1);
+  }
+
+  Fd far_;
+  std::string name_;
+  Result<PortOpener, std::string> opener_ = Err(std::string());
+  Port port_ = Port::closed("port");
+  MonotonicTime now_{seconds(100)};
+};
+INSTANTIATE_TEST_SUITE_P(Kinds, NetworkPort, ::testing::Values(SOCK_STREAM, SOCK_DGRAM),
+                         [](const auto& kind) { return kind.param == SOCK_STREAM ? "Tcp" : "Udp"; });
+
+TEST_P(NetworkPort, CarriesOctetsInBothDirections) {
+  connect();
+  EXPECT_EQ(port_.read(), Octets{}) << "nothing is there yet";
+  send_far({7, 8, 9});
+  wait_near();
+  EXPECT_EQ(port_.read(), (Octets{7, 8, 9}));
+  ASSERT_TRUE(port_.write(Octets{4, 5}, milliseconds(100)));
+  EXPECT_EQ(received_far(), (Octets{4, 5}));
+}
+
+TEST_P(NetworkPort, WhoseOtherEndIsGoneKillsNobody) {
+  connect();
+  far_.reset();
+  for (int i = 0; i < 3; ++i) static_cast<void>(port_.write(Octets{1}, milliseconds(10)));
+  wait_near();
+  // A connection has an end that can be seen; datagrams are lost as on a radio link.
+  EXPECT_EQ(port_.read().has_value(), GetParam() == SOCK_DGRAM);
+}
+
+using DatagramPort = NetworkPort;
+INSTANTIATE_TEST_SUITE_P(Udp, DatagramPort, ::testing::Values(SOCK_DGRAM));
+
+TEST_P(DatagramPort, HearsNobodyButTheAddressItNames) {
+  connect();
+  sockaddr_in near{};
+  socklen_t length = sizeof near;
+  ASSERT_EQ(::getpeername(far_.get(), reinterpret_cast<sockaddr*>(&near), &length), 0);
+  const Fd stranger(::socket(AF_INET, SOCK_DGRAM, 0));
+  const Octets forged{6, 6, 6};
+  ASSERT_EQ(::sendto(stranger.get(), forged.data(), forged.size(), 0,
+                     reinterpret_cast<const sockaddr*>(&near), length),
+            3);
+  send_far({1, 2});
+  wait_near();
+  EXPECT_EQ(port_.read(), (Octets{1, 2}));
+  EXPECT_EQ(port_.read(), Octets{});
+}
+
+TEST_P(DatagramPort, TakesAnEmptyDatagramForNothing) {
+  connect();
+  send_far({});
+  send_far({3});
+  wait_near();
+  EXPECT_EQ(port_.read(), Octets{});
+  EXPECT_EQ(port_.read(), Octets{3});
+}
+
+TEST_P(DatagramPort, SendsMoreThanAPacketOfTheNetworkTakesInSeveral) {
+  connect();
+  ASSERT_TRUE(port_.write(Octets(2000, 5), milliseconds(100)));
+  EXPECT_EQ(received_far().size(), 1472U);
+  EXPECT_EQ(received_far().size(), 528U);
+}
+
+using ConnectedPort = NetworkPort;
+INSTANTIATE_TEST_SUITE_P(Tcp, ConnectedPort, ::testing::Values(SOCK_STREAM));
+
+TEST_P(ConnectedPort, IsRefusedUntilSomebodyListensAndOpensThen) {
+  auto opener = PortOpener::of(name_, 921600);
+  ASSERT_TRUE(opener);
+  const auto refused = opener->open(milliseconds(5000));
+  ASSERT_FALSE(refused);
+  EXPECT_THAT(refused.error(), HasSubstr("refused"));
+  ASSERT_EQ(::listen(far_.get(), 1), 0);
+  EXPECT_TRUE(opener->open(milliseconds(5000)));
+}
+
+TEST(NetworkPortName, ThatIsMalformedIsRefusedBeforeAnythingIsOpened) {
+  for (const char* name : {"tcp:", "tcp:x", "tcp:127.0.0.1:0", "tcp:127.0.0.1:99999", "tcp:localhost:5000",
+                           "tcp:127.0.0.1:5000,5001", "udp:", "udp:127.0.0.1:5000,", "udp:127.0.0.1:5000,x",
+                           "udp:127.0.0.1:5000,70000"}) {
+    const auto opener = PortOpener::of(name, 921600);
+    ASSERT_FALSE(opener) << name;
+    EXPECT_THAT(opener.error(), HasSubstr("expected tcp:")) << name;
+  }
+  for (const char* name :
+       {"tcp:5000", "udp:127.0.0.1:5000", "udp:10.0.0.1:5000,5001", "/dev/ttyS0", "var/rs422"})
+    EXPECT_TRUE(PortOpener::of(name, 921600)) << name;
 }
 
 }  // namespace

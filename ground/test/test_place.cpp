@@ -24,6 +24,13 @@ TEST(Place, OfADeviceIsTheVarOfTheEnvironment) {
   EXPECT_EQ(place_of({.port_environment = "/tmp/a/rs422"}), (Place{"/tmp/a/rs422", "/tmp/a"}));
 }
 
+TEST(Place, OfAnAddressIsTheVarOfTheEnvironment) {
+  EXPECT_EQ(place_of({.port_argument = "tcp:10.0.0.5:4001", .var_environment = "/home/op/station"}),
+            (Place{"tcp:10.0.0.5:4001", "/home/op/station"}));
+  EXPECT_EQ(place_of({.port_argument = "tcp:10.0.0.5:4001"}), (Place{"tcp:10.0.0.5:4001", "var"}));
+  EXPECT_EQ(place_of({.port_environment = "udp:10.0.0.5:4001"}), (Place{"udp:10.0.0.5:4001", "var"}));
+}
+
 TEST(Place, IsTheVarOfTheEnvironmentThenTheOneHereThenTheOneThatRuns) {
   EXPECT_EQ(place_of({.var_environment = "/tmp/a", .var_here = true}), (Place{"/tmp/a/rs422", "/tmp/a"}));
   EXPECT_EQ(place_of({.var_here = true, .running = {"/tmp/b"}}), (Place{"var/rs422", "var"}));

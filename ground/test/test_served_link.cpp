@@ -217,6 +217,41 @@ TEST_F(Served, ServerThatCannotTellWhetherItWasSentSaysSo) {
   EXPECT_THAT(sent.error().text, HasSubstr("this server has no archive"));
 }
 
+TEST_F(Served, OrderThatIsNotRecordedIsNotGivenToTheNextServer) {
+  std::atomic<int> unrecorded{0};
+  std::atomic<int> later{0};
+  connect([&](int client, const nlohmann::json& message) -> std::optional<Messages> {
+    if (message["type"] == "hello") return Messages{welcome(AdPhase::off, {}, 0)};
+    if (client > 1) ++later;
+    if (message["recorded_alone"] == true)
+      return Messages{reply_to(message, {{"error", "no room"}, {"unrecorded", true}})};
+    ++unrecorded;
+    return std::nullopt;  // it is sent, and the server is killed
+  });
+  mission::Command command;
+  command.name = "eps.switch_load";
+
+  const auto sent = link_->send({.command = {&command, {}}, .number = 1});
+
+  ASSERT_FALSE(sent);
+  EXPECT_TRUE(sent.error().is_unknown());
+  EXPECT_EQ(unrecorded, 1);
+  EXPECT_EQ(later, 0) << "its archive knows nothing of it";
+}
+
+TEST_F(Served, OrderThatIsNotRecordedIsSentAllTheSame) {
+  connect([](int, const nlohmann::json& message) -> std::optional<Messages> {
+    if (message["type"] == "hello") return Messages{welcome(AdPhase::off, {}, 0)};
+    if (message["recorded_alone"] == true)
+      return Messages{reply_to(message, {{"error", "no room"}, {"unrecorded", true}})};
+    return Messages{reply_to(message, {{"request", serve::to_message(wire::RequestId{0x1811, 0xC001})}})};
+  });
+  mission::Command command;
+  command.name = "eps.switch_load";
+
+  EXPECT_TRUE(link_->send({.command = {&command, {}}, .number = 1}));
+}
+
 TEST_F(Served, OrderWithoutAnAnswerStaysUnknownWhenNoServerComesBack) {
   connect([this](int, const nlohmann::json& message) -> std::optional<Messages> {
     if (message["type"] == "hello") return Messages{welcome(AdPhase::off, {}, 0)};

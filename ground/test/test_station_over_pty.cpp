@@ -577,7 +577,7 @@ TEST_P(GroundProgram, SendsNothingOfAScriptWithAnError) {
 class Udp {
  public:
   Udp() : fd_(socket(AF_INET, SOCK_DGRAM | SOCK_CLOEXEC, 0)) {
-    sockaddr_in any = *parse_udp_address("127.0.0.1:0");
+    sockaddr_in any = *parse_internet_address("127.0.0.1:0");
     EXPECT_EQ(bind(fd_.get(), reinterpret_cast<sockaddr*>(&any), sizeof any), 0);
     socklen_t length = sizeof address;
     getsockname(fd_.get(), reinterpret_cast<sockaddr*>(&address), &length);
@@ -606,8 +606,8 @@ TEST_F(ProgramOverPty, BridgesFramesBetweenTheLineAndPlainUdpSockets) {
   auto port = Port::open(var_.path() / "rs422", link.baud);
   ASSERT_TRUE(port) << port.error();
   const Udp station;
-  auto bridge =
-      Bridge::open(link, std::make_unique<Port>(std::move(*port)), station.address, *parse_udp_address("0"));
+  auto bridge = Bridge::open(link, std::make_unique<Port>(std::move(*port)), station.address,
+                             *parse_internet_address("0"));
   ASSERT_TRUE(bridge) << bridge.error();
   ASSERT_NE(bridge->uplink_address().sin_port, 0);
   const auto down = [&](const Octets& octets) {

@@ -38,7 +38,7 @@ namespace {
 
 using namespace srfs;
 using srfs_msgs::msg::Telecommand;
-constexpr seconds patience{20};
+constexpr seconds patience{60};
 constexpr std::uint64_t far_id = 1ULL << 62U;  // above all that ttc gave out
 
 struct Rogue {

@@ -12,7 +12,7 @@ import urllib.request
 
 from support import BIN, DEADLINE_S, ROOT, SystemTest
 
-from srfs.flight.processes import send_signal
+from srfs.flight.processes import send_signal, wait_while_it_goes_on
 from srfs.flight.serving import GroundServer
 from srfs.web.browser import browser, missing, wait_for
 from srfs.web.double import Double, Server, iso, own_address
@@ -461,7 +461,8 @@ class PageFlightTest(OneBrowser, SystemTest):
                 for argument in telecommand["arguments"][:1]:
                     wanted.append((telecommand["name"], {argument["name"]: "no such value" * 40}))
             page.run(FORMS, wanted)
-            wait_for(lambda: page.run("return window.found.length") == len(wanted), "all forms", DEADLINE_S, lambda: f"the last ones: {page.run('return window.found.slice(-2)')}")
+            tried = lambda: page.run("return window.found.length")  # noqa: E731
+            wait_while_it_goes_on(lambda: tried() == len(wanted), tried, DEADLINE_S, "all forms")
             shown = page.run("return window.found")
             hazardous = {t["name"] for t in telecommands if t["hazardous"]}
             refused = 0

@@ -161,6 +161,22 @@ def wait_until(condition, deadline_s, what, period_s=0.02, pid=None):
             time.sleep(period_s)
 
 
+def wait_while_it_goes_on(condition, progress, idle_s, what):
+    """Waits until condition() is true and returns its value; MissionError when progress() has not changed for idle_s. For work whose amount is known and
+    whose speed is the machine's."""
+    seen, since = progress(), time.monotonic()
+    while True:
+        value = condition()
+        if value:
+            return value
+        now, at = progress(), time.monotonic()
+        if now != seen:
+            seen, since = now, at
+        if at - since > idle_s:
+            raise MissionError(f"{what}: nothing new for {idle_s} s, the last was {seen}")
+        time.sleep(0.1)
+
+
 def stop_child(process):
     """Ends a child. Returns whether it ended by itself, or by SIGTERM."""
     if process.poll() is not None:
