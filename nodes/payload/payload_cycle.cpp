@@ -654,6 +654,8 @@ void PayloadCycle::on_switched_off(bool ok, MonotonicTime now) {
   const bool stays = std::exchange(keep_off_wanted_, false) || kept_off_;
   if (!ok) {
     end_power_cycle(mission::failure::power_switch_failed);
+    // It may obey all the same, later than it was waited for.
+    if (!kept_off_) act(SwitchPower{true});
     return;
   }
   power_ = Power::off;

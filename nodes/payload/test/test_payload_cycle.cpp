@@ -619,7 +619,9 @@ TEST_F(PayloadCycleTest, ReportsAPowerSwitchThatDoesNotObey) {
   grant();
   written();
   quiet();
-  cycle.on_power_switched(false, false, now);
+  const PayloadActions disobeyed = cycle.on_power_switched(false, false, now);
+  ASSERT_NE(find<SwitchPower>(disobeyed), nullptr) << "it may have been switched off after all";
+  EXPECT_TRUE(find<SwitchPower>(disobeyed)->on);
   EXPECT_EQ(find<StageReport>(written())->failure, mission::failure::power_switch_failed);
   EXPECT_TRUE(sends<wire::WakeUpRequest>(grant()));
 }

@@ -74,11 +74,25 @@ class World {
     }
   }
 
+  /// From now on every switch obeys, and no slot is granted.
+  void settle() {
+    for (int i = 0; i < 100 && !::testing::Test::HasFatalFailure(); ++i) {
+      now_ += milliseconds(500);
+      if (cycle_.next_deadline()) take(cycle_.on_deadline(now_));
+      if (awaiting_quiet_) quiet();
+      disk();
+      if (!switching_.empty()) switched(true);
+    }
+    ASSERT_TRUE(switching_.empty());
+    ASSERT_TRUE(!active_ || powered_ == !kept_off_) << "what the node believes of the power is not so";
+  }
+
   std::uint32_t slots = 0;
   std::uint32_t completed = 0;
   std::uint32_t interrupted = 0;
   std::uint32_t kept_off_changes = 0;
   std::uint32_t recalls = 0;
+  std::uint32_t late_switches = 0;
 
  private:
   static Result<PayloadCommand, FailureCode> decode(std::uint16_t function, OctetView /*arguments*/) {
@@ -151,11 +165,22 @@ class World {
     take(cycle_.on_journal_written(revision, !chance(20), now_));
   }
 
+  /// One that says nothing in time may obey later.
   void power() {
     if (switching_.empty()) return;
+    const bool ok = !chance(10);
+    if (!ok && chance(2)) {
+      ++late_switches;
+      powered_ = switching_.front();
+    }
+    switched(ok);
+  }
+  void switched(bool ok) {
     const bool on = switching_.front();
+    const bool was_on = powered_;
     switching_.erase(switching_.begin());
-    take(cycle_.on_power_switched(on, !chance(10), now_));
+    if (ok) powered_ = on;
+    take(cycle_.on_power_switched(on, ok, now_, was_on));
   }
 
   void take(const PayloadActions& actions) {
@@ -258,6 +283,7 @@ class World {
   std::optional<std::uint64_t> writing_;
   std::optional<std::uint64_t> journal_wanted_;
   std::vector<bool> switching_;
+  bool powered_ = true;
   std::uint64_t next_id_ = 0;
   std::map<std::uint64_t, RepeatClass> classes_;
   std::map<std::uint64_t, std::uint32_t> sent_;
@@ -271,12 +297,16 @@ TEST(PayloadCycle, NeverSendsWithoutTheBusNorRepeatsAnAtMostOnceCommandInRandomS
   std::uint32_t interrupted = 0;
   std::uint32_t kept_off_changes = 0;
   std::uint32_t recalls = 0;
+  std::uint32_t late_switches = 0;
   for (std::uint64_t seed = 0; seed < 30; ++seed) {
     World world(seed);
     for (int i = 0; i < 10'000; ++i) {
       world.step();
       if (::testing::Test::HasFatalFailure()) FAIL() << "seed " << seed << " step " << i;
     }
+    world.settle();
+    if (::testing::Test::HasFatalFailure()) FAIL() << "seed " << seed << ", at its end";
+    late_switches += world.late_switches;
     slots += world.slots;
     completed += world.completed;
     interrupted += world.interrupted;
@@ -288,6 +318,7 @@ TEST(PayloadCycle, NeverSendsWithoutTheBusNorRepeatsAnAtMostOnceCommandInRandomS
   EXPECT_GT(interrupted, 10U);
   EXPECT_GT(kept_off_changes, 10U);
   EXPECT_GT(recalls, 100U);
+  EXPECT_GT(late_switches, 10U);
 }
 
 }  // namespace
