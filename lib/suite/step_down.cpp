@@ -5,13 +5,14 @@
 #include <algorithm>
 #include <array>
 #include <sstream>
+#include <thread>
 
 #include <fcntl.h>
 #include <fmt/format.h>
+#include <sys/file.h>
 #include <unistd.h>
 
 #include "base/crc32c.hpp"
-#include "base/fd.hpp"
 #include "base/file.hpp"
 #include "base/text.hpp"
 
@@ -219,6 +220,17 @@ StepStore::Stored StepStore::store(const StepRecord& record) {
   const std::size_t older = revisions[0] <= revisions[1] ? 0 : 1;
   if (overwrite(folder_ / copies.at(older), encode(record))) ++stored.copies;
   return stored;
+}
+
+Fd StepStore::lock_folder() const {
+  constexpr milliseconds period{2};
+  Fd folder(open(folder_.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC));
+  if (!folder) return folder;
+  for (milliseconds waited{0}; flock(folder.get(), LOCK_EX | LOCK_NB) != 0; waited += period) {
+    if (waited >= lock_patience) return {};
+    std::this_thread::sleep_for(period);
+  }
+  return folder;
 }
 
 StepRecord StepStore::read() {

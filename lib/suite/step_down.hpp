@@ -8,7 +8,9 @@
 #include <string>
 #include <string_view>
 
+#include "base/fd.hpp"
 #include "base/state_file.hpp"
+#include "base/time.hpp"
 #include "suite/step_policy.hpp"
 #include "wire/boot_record.hpp"
 
@@ -92,9 +94,13 @@ class StepStore : public StateFile<StepRecord> {
   /// Where no room is left for a new file, a copy is overwritten in place: a full disk must not keep starts
   /// from being counted. A cut then costs that copy alone.
   [[nodiscard]] Stored store(const StepRecord& record);
-  /// Changes it. @return what went wrong; empty: it is on disk, or nothing changes
+  static constexpr milliseconds lock_patience{5000};
+  /// Changes it; several processes do, one after the other. Blocks at most lock_patience longer than the
+  /// disk: where one of them hangs, a change that may undo its own is better than none.
+  /// @return what went wrong; empty: it is on disk, or nothing changes
   template <class Change>
   [[nodiscard]] std::string change(Change modify) {
+    const Fd lock = lock_folder();
     const StepRecord before = read();
     StepRecord after = modify(before);
     if (after == before) return "";
@@ -104,6 +110,9 @@ class StepStore : public StateFile<StepRecord> {
   }
 
  private:
+  /// Empty: it could not be had.
+  [[nodiscard]] Fd lock_folder() const;
+
   std::filesystem::path folder_;
 };
 

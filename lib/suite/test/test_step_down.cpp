@@ -1,8 +1,12 @@
 // SPDX-FileCopyrightText: 2026 SRFS contributors
 // SPDX-License-Identifier: Apache-2.0
+#include <future>
 #include <random>
+#include <thread>
 
+#include <fcntl.h>
 #include <gtest/gtest.h>
+#include <sys/file.h>
 #include <unistd.h>
 
 #include "base/file.hpp"
@@ -187,6 +191,38 @@ TEST(StepStore, OneDamagedCopyCostsNothingAndTwoAreReported) {
   ASSERT_TRUE(write_file_atomically(folder.path() / "step_b", "rubbish"));
   EXPECT_EQ(StepStore(folder.path()).read().cause, StepCause::record_damaged);
   EXPECT_EQ(StepStore(folder.path()).read().starts, 0U);
+}
+
+TEST(StepStore, AChangeWaitsForAnotherThatIsUnderWay) {
+  const testing_support::TemporaryFolder folder;
+  std::promise<void> began;
+  std::thread other;
+  const auto problem = StepStore(folder.path()).change([&](StepRecord r) {
+    other = std::thread([&] {
+      began.set_value();
+      EXPECT_EQ(StepStore(folder.path()).change([](StepRecord o) {
+        ++o.starts;
+        return o;
+      }),
+                "");
+    });
+    began.get_future().wait();
+    r.set_aside = 7;
+    return r;
+  });
+  other.join();
+  EXPECT_EQ(problem, "");
+  EXPECT_EQ(StepStore(folder.path()).read().starts, 1U);
+  EXPECT_EQ(StepStore(folder.path()).read().set_aside, 7U);
+}
+
+TEST(StepStore, OneThatHangsDoesNotKeepTheOthersFromAChange) {
+  const testing_support::TemporaryFolder folder;
+  const Fd hung(open(folder.path().c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC));
+  ASSERT_EQ(flock(hung.get(), LOCK_EX), 0);
+  ASSERT_EQ(StepStore(folder.path()).change([](StepRecord r) { return on_order_into_rescue(std::move(r)); }),
+            "");
+  EXPECT_EQ(StepStore(folder.path()).read().step, BootStep::rescue);
 }
 
 TEST(StepStore, WhereNoFileCanBeMadeTheOlderCopyIsOverwritten) {
