@@ -4,6 +4,7 @@
 
 #include <array>
 #include <cstdint>
+#include <initializer_list>
 #include <memory>
 #include <string>
 
@@ -37,6 +38,17 @@ class Sha256 {
 
 /// HMAC with SHA-256 (RFC 2104).
 [[nodiscard]] Sha256::Digest hmac_sha256(OctetView key, OctetView data);
+/// The same with a key that is taken up once, for many short messages. Any thread.
+class HmacSha256 {
+ public:
+  explicit HmacSha256(OctetView key);
+  /// @param parts  of one message
+  [[nodiscard]] Sha256::Digest of(std::initializer_list<OctetView> parts) const;
+
+ private:
+  struct State;
+  std::shared_ptr<const State> state_;
+};
 /// Takes as long wherever they differ.
 [[nodiscard]] bool equal_secrets(OctetView a, OctetView b);
 

@@ -171,6 +171,7 @@ void ReaderEndpoint::open(Participant& participant, const std::string& dds_topic
                           const Qos& qos, std::size_t largest_octets) {
   participant_ = &participant;
   largest_octets_ = largest_octets;
+  dds_topic_ = dds_topic;
   const auto [kind, name] = callback_name(dds_topic);
   executor_.name_source(shared_from_this(), kind, name);
   Qos bounded = qos;
@@ -263,18 +264,41 @@ std::optional<ReaderEndpoint::Gap> ReaderEndpoint::count_gap(const SampleIdentit
   return gap;
 }
 
-bool ReaderEndpoint::admit(const SampleIdentity& identity) {
-  if (!guarded_) return true;
-  if (!participant_->is_foreign(identity.writer_guid())) return true;
-  GuidPrefix prefix{};
-  std::copy_n(identity.writer_guid().guidPrefix.value, prefix.size(), prefix.begin());
+void ReaderEndpoint::count_foreign(const SampleIdentity& identity) {
   ++stats_.foreign;
-  last_foreign_ = prefix;
-  return !participant_->drops_foreign() && !datagram_seal();
+  last_foreign_ = identity.writer_guid();
+}
+
+bool ReaderEndpoint::admit(const SampleIdentity& identity, bool shared) {
+  limited_.clear();
+  if (!guarded_) return true;
+  if (participant_->is_foreign(identity.writer_guid())) {
+    count_foreign(identity);
+    return !participant_->drops_foreign() && !datagram_seal();
+  }
+  limited_ = participant_->limited_name(identity.writer_guid());
+  if (limited_.empty() || shared || is_below(limited_)) return true;
+  count_foreign(identity);
+  return false;
+}
+
+/// Topics and services of a node begin with its name. Those of an action may also begin with the first word
+/// of it: /image/capture is image_acquisition's.
+bool ReaderEndpoint::is_below(const std::string& name) const {
+  const std::string_view path =
+      std::string_view(dds_topic_).substr(std::min<std::size_t>(dds_topic_.size(), 3));
+  const std::string_view first = path.substr(0, path.find('/'));
+  return first == name ||
+         (path.find("/_action/") != std::string_view::npos && name.starts_with(std::string(first) + "_"));
 }
 
 std::string ReaderEndpoint::last_foreign() const {
-  return last_foreign_ ? participant_->known_participants().describe(*last_foreign_) : std::string();
+  if (!last_foreign_) return {};
+  const std::string limited = participant_->limited_name(*last_foreign_);
+  if (!limited.empty()) return limited + ", which speaks for itself alone";
+  GuidPrefix prefix{};
+  std::copy_n(last_foreign_->guidPrefix.value, prefix.size(), prefix.begin());
+  return participant_->known_participants().describe(prefix);
 }
 
 std::string topic_dds_name(const std::string& ros_name) {

@@ -32,8 +32,9 @@ struct InputStats {
   std::uint64_t malformed = 0;  ///< octets that were no such message, or claimed to be too many; dropped
   std::uint64_t lost =
       0;  ///< gaps in writers' sequence numbers: overwritten before they were taken, or never arrived
-  std::uint64_t foreign =
-      0;  ///< from participants outside the suite, on a guarded reader; part of the others
+  /// From participants outside the suite, or of a limited member in another's name, on a guarded reader;
+  /// part of the others.
+  std::uint64_t foreign = 0;
   // Of a service:
   std::uint64_t repeats = 0;  ///< requests that came again: answered again, not executed again
   std::uint64_t refused = 0;  ///< requests dropped because too many were waiting
@@ -129,9 +130,9 @@ class ReaderEndpoint : public Source,
   [[nodiscard]] GUID_t guid() const { return reader_->guid(); }
   void on_match_change(std::function<void()> callback);
   /// From now on samples of participants outside the suite are counted, and dropped where the participant's
-  /// options require it.
+  /// options require it; those of limited members are dropped where they speak for another one.
   void guard() { guarded_ = true; }
-  /// The foreign participant that was heard last, for people; empty: none so far.
+  /// The last one whose sample was not its to send, for people; empty: none so far.
   [[nodiscard]] std::string last_foreign() const;
   [[nodiscard]] QosEventCounter& qos_events() { return qos_events_; }
   [[nodiscard]] const QosEventCounter& qos_events() const { return qos_events_; }
@@ -156,8 +157,12 @@ class ReaderEndpoint : public Source,
   };
   /// Counts the sample's gap to the one before from the same writer. @return it
   std::optional<Gap> count_gap(const SampleIdentity& identity);
-  /// @return false when the sample is foreign and to be dropped
-  [[nodiscard]] bool admit(const SampleIdentity& identity);
+  /// @param shared  a limited member may speak here, at least for itself
+  /// @return false when the sample is foreign, or of a limited member that may not, and to be dropped
+  [[nodiscard]] bool admit(const SampleIdentity& identity, bool shared);
+  /// The limited member whose sample was admitted last; empty: of another one.
+  [[nodiscard]] const std::string& limited() const { return limited_; }
+  void count_foreign(const SampleIdentity& identity);
 
   Executor& executor_;
   Priority priority_;
@@ -167,10 +172,14 @@ class ReaderEndpoint : public Source,
   std::size_t largest_octets_ = 0;
 
  private:
+  [[nodiscard]] bool is_below(const std::string& name) const;
+
   bool guarded_ = false;
+  std::string dds_topic_;
+  std::string limited_;
   std::shared_ptr<std::atomic<std::uint64_t>> too_large_ = std::make_shared<std::atomic<std::uint64_t>>(0);
   std::function<void(InputStats&)> fill_;
-  std::optional<GuidPrefix> last_foreign_;
+  std::optional<GUID_t> last_foreign_;
   mutable std::mutex mutex_;
   std::set<GUID_t> writers_;
   std::function<void()> match_change_;
@@ -202,6 +211,11 @@ class TypedReader final : public ReaderEndpoint {
     return self;
   }
 
+  using ReaderEndpoint::guard;
+  void guard(const OfLimited<M>& of_limited) {
+    guard();
+    of_limited_ = of_limited;
+  }
   /// Called before the callback with the sample that shows that those before it are lost.
   void on_gap(std::function<void(const MessageInfo&, std::int64_t first, std::int64_t last)> callback) {
     gap_callback_ = std::move(callback);
@@ -223,9 +237,15 @@ class TypedReader final : public ReaderEndpoint {
     const auto gap = count_gap(info.sample_identity);
     if (gap && gap_callback_)
       gap_callback_({now, info.sample_identity, info.related_sample_identity}, gap->first, gap->last);
-    if (!admit(info.sample_identity)) return;
+    const bool shared = of_limited_.all || of_limited_.author != nullptr;
+    if (!admit(info.sample_identity, shared)) return;
     if (!sample_.well_formed) {
       ++stats_.malformed;
+      return;
+    }
+    if (!limited().empty() && of_limited_.author != nullptr &&
+        sample_.message.*of_limited_.author != limited()) {
+      count_foreign(info.sample_identity);
       return;
     }
     ++stats_.received;
@@ -236,6 +256,7 @@ class TypedReader final : public ReaderEndpoint {
   TypedReader(Executor& executor, Priority priority, Callback callback)
       : ReaderEndpoint(executor, priority), callback_(std::move(callback)) {}
   Callback callback_;
+  OfLimited<M> of_limited_;
   std::function<void(const MessageInfo&, std::int64_t, std::int64_t)> gap_callback_;
   Sample<M> sample_;  // reused, unless it may be large: no allocation for messages of a steady size
 };

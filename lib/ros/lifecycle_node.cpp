@@ -452,10 +452,13 @@ bool LifecycleNode::go_to(State target) {
 }
 
 bool LifecycleNode::refuses_order(const GUID_t& client, const std::string& service) {
-  if (obeys_foreign_ || !participant_.is_foreign(client)) return false;
+  if (obeys_foreign_ || participant_.may_order(client)) return false;
   GuidPrefix prefix{};
   std::copy_n(client.guidPrefix.value, prefix.size(), prefix.begin());
-  on_order_refused(service, ++refused_orders_, participant_.known_participants().describe(prefix));
+  const std::string limited = participant_.limited_name(client);
+  on_order_refused(service, ++refused_orders_,
+                   limited.empty() ? participant_.known_participants().describe(prefix)
+                                   : limited + ", which speaks for itself alone");
   return true;
 }
 
@@ -477,8 +480,9 @@ void LifecycleNode::check_input(Input& input, const ReaderEndpoint& reader) {
   if (stats.foreign > input.foreign_reported) {
     input.foreign_reported = stats.foreign;
     const std::string source = reader.last_foreign();
-    log::warn("{} samples on {} so far from outside the suite, last by participant {}: {}", stats.foreign,
-              input.topic, source, participant_.drops_foreign() || datagram_seal() ? "dropped" : "accepted");
+    log::warn("{} samples on {} so far from those who may not publish there, last by participant {}: {}",
+              stats.foreign, input.topic, source,
+              participant_.drops_foreign() || datagram_seal() ? "dropped" : "accepted");
     on_foreign_samples(input.topic, stats.foreign, source);
   }
   const QosEvents qos = reader.qos_events().events();
@@ -509,14 +513,22 @@ void LifecycleNode::check_dropped() {
 }
 
 void LifecycleNode::check_forged() {
-  const ForgedDatagrams forged = datagram_seal() ? datagram_seal()->forged() : ForgedDatagrams{};
+  if (!datagram_seal()) return;
+  if (const std::uint64_t stale = datagram_seal()->stale(); stale > stale_reported_) {
+    stale_reported_ = stale;
+    log::warn(
+        "{} datagrams of the suite dropped so far because they are from before: this process stood still, or "
+        "somebody repeats what he recorded",
+        stale);
+  }
+  const ForgedDatagrams forged = datagram_seal()->forged();
   if (forged.all() <= forged_reported_) return;
   forged_reported_ = forged.all();
   log::error(
       "{} forged datagrams dropped so far: {} in a member's name without a seal, {} with a wrong one, {} "
-      "with "
-      "an old one, {} that told discovery about a member",
-      forged.all(), forged.unsealed, forged.wrong_seal, forged.old, forged.about);
+      "that "
+      "came before, {} that told discovery about a member, {} of an uplinked node in another's name",
+      forged.all(), forged.unsealed, forged.wrong_seal, forged.repeated, forged.about, forged.beyond);
   on_foreign_samples("*", forged.all(), "in a member's name");
 }
 

@@ -317,6 +317,7 @@ class LifecycleNode {
   std::uint64_t overflow_reported_ = 0;
   std::uint64_t foreign_dropped_reported_ = 0;
   std::uint64_t forged_reported_ = 0;
+  std::uint64_t stale_reported_ = 0;
   const bool obeys_foreign_;
   std::uint64_t refused_orders_ = 0;
   std::vector<Input> inputs_;

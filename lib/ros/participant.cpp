@@ -84,7 +84,7 @@ dds::DomainParticipantQos participant_qos(const ParticipantOptions& options, int
   udp->sendBufferSize = socket_buffer_octets;
   udp->receiveBufferSize = socket_buffer_octets;
   udp->maxInitialPeersRange = most_participants;
-  if (datagram_seal()) udp->maxMessageSize -= static_cast<std::uint32_t>(DatagramSeal::octets);
+  if (datagram_seal()) udp->maxMessageSize -= static_cast<std::uint32_t>(DatagramSeal::most_octets);
   qos.transport().use_builtin_transports = false;
   if (options.executor != nullptr) {
     qos.transport().user_transports.push_back(
@@ -162,6 +162,15 @@ std::string first_address(const eprosima::fastrtps::rtps::RemoteLocatorList& loc
   return locator.kind == LOCATOR_KIND_UDPv4 ? IPLocator::toIPv4string(locator) : "no IPv4 address";
 }
 
+/// What a participant says of itself. That a limited member is another node counts as nothing said.
+Octets believed(const GuidPrefix& prefix, const Octets& user_data) {
+  const auto& seal = datagram_seal();
+  const auto limit = seal ? seal->limit_of(prefix) : std::nullopt;
+  if (!limit || limit->empty()) return user_data;
+  const auto identity = find_identity(user_data);
+  return identity && identity->node == *limit ? user_data : Octets{};
+}
+
 }  // namespace
 
 Gid to_gid(const eprosima::fastrtps::rtps::GUID_t& guid) {
@@ -209,8 +218,8 @@ class Participant::Discovery : public dds::DomainParticipantListener {
     GuidPrefix prefix{};
     std::copy_n(info.info.m_guid.guidPrefix.value, prefix.size(), prefix.begin());
     if (info.status == Info::DISCOVERED_PARTICIPANT) {
-      known_.discovered(prefix, info.info.m_userData.getValue(), info.info.m_participantName.to_string(),
-                        first_address(info.info.default_locators));
+      known_.discovered(prefix, believed(prefix, info.info.m_userData.getValue()),
+                        info.info.m_participantName.to_string(), first_address(info.info.default_locators));
     } else if (info.status == Info::REMOVED_PARTICIPANT || info.status == Info::DROPPED_PARTICIPANT) {
       known_.gone(prefix);
       if (topics_ != nullptr) topics_->remove_all_of(prefix);
@@ -337,10 +346,24 @@ bool Participant::announce_departure(const GuidPrefix& prefix) const {
   return sent;
 }
 
-bool Participant::is_foreign(const eprosima::fastrtps::rtps::GUID_t& guid) const {
+static GuidPrefix prefix_of(const eprosima::fastrtps::rtps::GUID_t& guid) {
   GuidPrefix prefix{};
   std::copy_n(guid.guidPrefix.value, prefix.size(), prefix.begin());
-  return is_foreign_prefix(known_, prefix);
+  return prefix;
+}
+
+bool Participant::is_foreign(const eprosima::fastrtps::rtps::GUID_t& guid) const {
+  return is_foreign_prefix(known_, prefix_of(guid));
+}
+
+bool Participant::may_order(const eprosima::fastrtps::rtps::GUID_t& guid) const {
+  const auto& seal = datagram_seal();
+  return seal ? seal->limit_of(prefix_of(guid)) == std::string() : !is_foreign(guid);
+}
+
+std::string Participant::limited_name(const eprosima::fastrtps::rtps::GUID_t& guid) const {
+  const auto& seal = datagram_seal();
+  return seal ? seal->limit_of(prefix_of(guid)).value_or("") : std::string();
 }
 
 ParticipantGraph Participant::graph() const {

@@ -95,6 +95,11 @@ class Participant {
   [[nodiscard]] const KnownParticipants& known_participants() const { return known_; }
   /// Whether an endpoint belongs to a process outside this suite.
   [[nodiscard]] bool is_foreign(const eprosima::fastrtps::rtps::GUID_t& guid) const;
+  /// Whether it may order transitions and parameters: it is of the suite, and no limited member of it.
+  [[nodiscard]] bool may_order(const eprosima::fastrtps::rtps::GUID_t& guid) const;
+  /// The name of the limited member (datagram_seal.hpp) that the endpoint is of, which is believed for itself
+  /// alone; empty: of another one, or foreign.
+  [[nodiscard]] std::string limited_name(const eprosima::fastrtps::rtps::GUID_t& guid) const;
   [[nodiscard]] bool drops_foreign() const { return drop_foreign_; }
   /// What the others publish and subscribe to. Empty unless ParticipantOptions::remember_topics.
   [[nodiscard]] const TopicDirectory& topics() const { return directory_; }

@@ -48,8 +48,8 @@ class Publisher {
 };
 
 /// Receives messages of type M; dropping it ends the subscription. Topics are the suite's own business:
-/// what others publish there is counted, or dropped (ParticipantOptions::drop_foreign). Services are open to
-/// the whole domain.
+/// what others publish there is counted, or dropped (ParticipantOptions::drop_foreign). So is what a limited
+/// member publishes there that it may not (OfLimited). Services are open to the whole domain.
 template <class M>
 class Subscription {
  public:
@@ -59,7 +59,7 @@ class Subscription {
       : name_(topic.name),
         reader_(TypedReader<M>::create(executor, participant, topic_dds_name(topic.name), topic.qos,
                                        topic.priority, std::move(callback))) {
-    reader_->guard();
+    reader_->guard(topic.of_limited);
   }
 
   ~Subscription() { reader_->close(); }

@@ -26,12 +26,12 @@ SampleIdentity request_identity(const MessageInfo& info) {
 }
 
 /// The sender fills in who is to get the reply, and so may write anybody's name there. A client has its
-/// reader and its writer in one participant; a stranger that names another's reader wants to pass for that
-/// one.
+/// reader and its writer in one participant; a stranger, or a limited member, that names another's reader
+/// wants to pass for that one.
 static bool borrows_a_name(const Participant& participant, const MessageInfo& info) {
   const GUID_t& sender = info.identity.writer_guid();
   return request_identity(info).writer_guid().guidPrefix != sender.guidPrefix &&
-         participant.is_foreign(sender);
+         !participant.may_order(sender);
 }
 
 std::optional<std::int64_t> first_attempt(const MessageInfo& info) {

@@ -67,10 +67,28 @@ Fd bind_socket(const in_addr& address, std::uint16_t port, int buffer_octets, bo
   return fd;
 }
 
-bool is_forged(OctetView datagram, MonotonicTime now) {
-  const auto& seal = datagram_seal();
-  return seal && seal->judge(datagram, now) == DatagramSeal::Verdict::forged;
-}
+/// Lets through what no seal speaks against, at one port.
+class SealGate {
+ public:
+  explicit SealGate(TransportState& state) : state_(state) {}
+
+  /// By one thread at a time.
+  [[nodiscard]] bool passes(OctetView datagram, MonotonicTime now) {
+    const auto& seal = datagram_seal();
+    if (!seal) return true;
+    const auto verdict = seal->judge(datagram, now, heard_);
+    if (const auto revision = seal->revision(); revision != revision_) {
+      revision_ = revision;
+      state_.tell_members_changed();
+    }
+    return verdict == DatagramSeal::Verdict::member || verdict == DatagramSeal::Verdict::foreign;
+  }
+
+ private:
+  TransportState& state_;
+  HeardTimes heard_{monotonic_now()};
+  std::uint64_t revision_ = 0;
+};
 
 /// Whose datagrams a socket has.
 enum class Senders : std::uint8_t { all, ours, foreign };
@@ -79,13 +97,15 @@ enum class Senders : std::uint8_t { all, ours, foreign };
 class Channel {
  public:
   Channel(Fd fd, Senders senders, const Locator_t& locator, rtps::TransportReceiverInterface& receiver,
-          Executor& executor, std::shared_ptr<TransportState> state, std::span<std::uint8_t> buffer)
+          Executor& executor, std::shared_ptr<TransportState> state, std::shared_ptr<SealGate> gate,
+          std::span<std::uint8_t> buffer)
       : fd_(std::move(fd)),
         senders_(senders),
         locator_(locator),
         receiver_(receiver),
         executor_(executor),
         state_(std::move(state)),
+        gate_(std::move(gate)),
         buffer_(buffer) {
     watch();
   }
@@ -186,7 +206,7 @@ class Channel {
   }
 
   bool passes(OctetView datagram, MonotonicTime now) {
-    if (is_forged(datagram, now)) return false;
+    if (!gate_->passes(datagram, now)) return false;
     if (!state_->filter) return true;
     const bool sheds = senders_ == Senders::all && shedder_.shed(now, now - busy_since_.value_or(now));
     return state_->filter->judge(datagram, sheds, now) == DatagramFilter::Verdict::pass;
@@ -236,6 +256,7 @@ class Channel {
   rtps::TransportReceiverInterface& receiver_;
   Executor& executor_;
   std::shared_ptr<TransportState> state_;
+  std::shared_ptr<SealGate> gate_;  ///< of the port's sockets together
   std::span<std::uint8_t> buffer_;
   std::uint32_t dropped_ = 0;
   std::uint64_t octets_read_ = 0;
@@ -252,15 +273,16 @@ class Channel {
 class HeldReceiver final : public rtps::TransportReceiverInterface {
  public:
   HeldReceiver(rtps::TransportReceiverInterface& receiver, std::shared_ptr<TransportState> state)
-      : receiver_(receiver), state_(std::move(state)) {}
+      : receiver_(receiver), state_(std::move(state)), gate_(*state_) {}
   void OnDataReceived(const eprosima::fastrtps::rtps::octet* data, std::uint32_t size, const Locator_t& local,
                       const Locator_t& remote) override {
     state_->discovery.pass();
     forget_stalled(local);
-    if (is_forged({data, size}, monotonic_now())) return;
-    const bool passes =
+    // The filter first, which hashes nothing.
+    const bool is_sound =
         !state_->filter || state_->filter->judge_discovery({data, size}) == DatagramFilter::Verdict::pass;
-    if (passes) receiver_.OnDataReceived(data, size, local, remote);
+    if (is_sound && gate_.passes({data, size}, monotonic_now()))
+      receiver_.OnDataReceived(data, size, local, remote);
   }
 
  private:
@@ -279,6 +301,7 @@ class HeldReceiver final : public rtps::TransportReceiverInterface {
 
   rtps::TransportReceiverInterface& receiver_;
   std::shared_ptr<TransportState> state_;
+  SealGate gate_;
 };
 
 struct Descriptor : rtps::ChainingTransportDescriptor {
@@ -350,7 +373,8 @@ class WorkThreadTransport final : public rtps::ChainingTransport {
       const std::lock_guard lock(mutex_);
       held_.push_back(std::make_unique<HeldReceiver>(*receiver, descriptor_.state));
       return low_level_transport_->OpenInputChannel(
-          locator, held_.back().get(), max_message_octets + static_cast<std::uint32_t>(DatagramSeal::octets));
+          locator, held_.back().get(),
+          max_message_octets + static_cast<std::uint32_t>(DatagramSeal::most_octets));
     }
     if (IsInputChannelOpen(locator)) return true;
     std::vector<std::unique_ptr<Channel>> made;
@@ -406,9 +430,10 @@ class WorkThreadTransport final : public rtps::ChainingTransport {
   bool open_sockets(const in_addr& address, const Locator_t& locator,
                     rtps::TransportReceiverInterface& receiver, std::vector<std::unique_ptr<Channel>>& made) {
     const auto port = static_cast<std::uint16_t>(IPLocator::getPhysicalPort(locator));
+    const auto gate = std::make_shared<SealGate>(*descriptor_.state);  // before there is a socket
     const auto add = [&](Fd fd, Senders senders) {
       made.push_back(std::make_unique<Channel>(std::move(fd), senders, locator, receiver,
-                                               descriptor_.executor, descriptor_.state,
+                                               descriptor_.executor, descriptor_.state, gate,
                                                std::span(buffer_.get(), buffer_octets())));
     };
     if (descriptor_.state->known != nullptr) {
@@ -434,7 +459,7 @@ class WorkThreadTransport final : public rtps::ChainingTransport {
   }
 
   [[nodiscard]] std::size_t buffer_octets() const {
-    return datagrams_a_call * (std::size_t{descriptor_.max_message_size()} + DatagramSeal::octets);
+    return datagrams_a_call * (std::size_t{descriptor_.max_message_size()} + DatagramSeal::most_octets);
   }
 
   Descriptor descriptor_;

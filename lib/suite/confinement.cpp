@@ -228,8 +228,9 @@ fs::path library_folder() {
 }
 
 /// Of what proves orders, what it proves its own with.
-void allow_order_keys(FileRules& rules, const Confinement::Place& place) {
-  for (const fs::path& folder : order_keys_for(place.var, place.node.name)) rules.allow(folder, read_below);
+void allow_order_keys(FileRules& rules, const Confinement::Place& place, Trust trust) {
+  for (const fs::path& folder : order_keys_for(place.var, place.node.name, trust == Trust::foreign))
+    rules.allow(folder, read_below);
 }
 
 void allow_foreign(FileRules& rules, const Confinement::Place& place) {
@@ -266,7 +267,7 @@ void allow_foreign(FileRules& rules, const Confinement::Place& place) {
     rules.allow(var.memory() / (name + file), read_file | write_file | truncate_file);
   }
   if (program_of(place.node).starts_with("image_")) rules.allow(var.root / "images", rules.all() & ~execute);
-  allow_order_keys(rules, place);
+  allow_order_keys(rules, place, Trust::foreign);
 }
 
 /// Reads what its user may, except for keys and their copies; writes below VAR, except for programs, and to
@@ -291,7 +292,7 @@ void allow_own(FileRules& rules, const Confinement::Place& place) {
   rules.allow_all_but(var, hidden, rules.all() & ~execute);
   (void)open_private_folder(place.var.memory(), true, place.var.owner());
   rules.allow_all_but(place.var.memory().parent_path(), hidden, rules.all() & ~execute);
-  allow_order_keys(rules, place);
+  allow_order_keys(rules, place, Trust::own);
   for (const char* folder : {"/dev", "/proc"}) rules.allow(folder, read_below | write_file | truncate_file);
   for (const char* folder : system_folders) rules.allow(folder, read_below | execute);
   for (const fs::path& folder : {library_folder(), place.bin_folder})

@@ -8,6 +8,7 @@
 #include <sys/epoll.h>
 
 #include "base/log.hpp"
+#include "ros/datagram_seal.hpp"
 
 namespace srfs::suite {
 
@@ -63,6 +64,8 @@ void Departures::on_exit(const ros::GuidPrefix& prefix) {
 }
 
 void Departures::announce(const ros::KnownParticipants::Member& member) {
+  // Of an uplinked node nobody believes it.
+  if (const auto& seal = ros::datagram_seal(); seal && seal->is_limited()) return;
   ++announced_;
   if (!participant_.announce_departure(member.prefix))
     log::warn("{} (incarnation {}) has ended but stays in the ROS graph until its lease ends",

@@ -12,6 +12,6 @@ namespace srfs::suite::topics {
 
 /// Frames of megabytes: two wait, the others are on the disk.
 inline const ros::Topic<sensor_msgs::msg::Image> image_raw{
-    "/image/raw", {.depth = 2, .largest_octets = ros::largest_payload}, ros::Priority::bulk};
+    "/image/raw", {.depth = 2, .largest_octets = ros::largest_payload}, ros::Priority::bulk, {.all = true}};
 
 }  // namespace srfs::suite::topics

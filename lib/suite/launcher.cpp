@@ -547,7 +547,8 @@ Result<pid_t, std::string> start_version(const LaunchRequest& request, const Nod
   // A node without them works, and executes no telecommand: it says so. Before it is confined to them.
   if (const auto handed = hand_out_command_key(request.var, node.name); !handed)
     log::error("no command key for {}: {}", node.name, handed.error());
-  if (const auto seal = suite_seal_key(request.var); !seal)
+  const bool uplinked = trust_in(request.deployment, node, number) == Trust::foreign;
+  if (const auto seal = hand_out_seal_key(request.var, node.name, uplinked); !seal)
     log::error("no key for the datagrams of {}: {}", node.name, seal.error());
   const auto prepared = prepare(request, node, program, number);
   if (!prepared) return Err(prepared.error());

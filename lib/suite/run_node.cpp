@@ -11,7 +11,6 @@
 #include <fmt/format.h>
 #include <malloc.h>
 #include <sys/epoll.h>
-#include <sys/random.h>
 #include <sys/signalfd.h>
 #include <unistd.h>
 #include <CLI/CLI.hpp>
@@ -344,17 +343,19 @@ void use_dictionary_of(const Deployment& deployment) {
   if (!deployment.dictionary.empty()) setenv("SRFS_MISSION_DIR", deployment.dictionary.c_str(), 1);
 }
 
-void seal_datagrams_of(const VarPaths& var) {
-  auto key = suite_seal_key(var);
-  if (!key) {
+void seal_datagrams_of(const VarPaths& var, const std::string& node) {
+  auto keys = seal_keys(var, node);
+  if (!keys) {
     log::error("the other nodes take this one for foreign, and it all others, until there is a key: {}",
-               key.error());
-    key = ros::SealKey{};
-    if (getrandom(key->data(), key->size(), 0) != static_cast<ssize_t>(key->size()))
-      throw ConfigError("no random numbers: " + errno_text(errno));
+               keys.error());
+    const auto none = random_key();
+    if (!none) throw ConfigError(none.error());
+    keys = ros::SealKeys{*none};
   }
-  ros::seal_datagrams(*key, [var] {
-    const auto now = suite_seal_key(var);
+  if (!keys->limited_to.empty())
+    log::info("uplinked: the other nodes believe {} for itself alone", keys->limited_to);
+  ros::seal_datagrams(*keys, [var, node] {
+    const auto now = seal_keys(var, node);
     return now ? std::optional(*now) : std::nullopt;
   });
 }
@@ -396,7 +397,7 @@ int run(const Arguments& arguments, const Program& program, std::optional<Heartb
                                   ros::SuiteIdentity{deployment.name, arguments.name, incarnation}};
   options.drop_foreign = deployment.drop_foreign;
   if (deployment.ring.enabled) options.lease = lease_beside_the_ring;
-  if (!deployment.open_orders) seal_datagrams_of(var);
+  if (!deployment.open_orders) seal_datagrams_of(var, arguments.name);
   auto participant = ros::Participant::create(options);
   if (!participant) {
     log::error("{}", participant.error());

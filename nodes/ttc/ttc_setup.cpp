@@ -426,6 +426,8 @@ ros::CallbackReturn TtcNode::on_activate() {
   timers_.push_back(create_timer(
       seconds(2), [this] { imaging_goals_->look_at_nodes(); }, "look at imaging nodes"));
   timers_.push_back(create_timer(
+      seconds(1), [this] { signer_->keep_keys(); }, "keys of orders"));
+  timers_.push_back(create_timer(
       seconds(5), [this] { look_at_nodes(); }, "look at nodes"));
   look_at_nodes();
   core_->activate(monotonic_now());

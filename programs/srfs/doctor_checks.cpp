@@ -631,7 +631,9 @@ void examine_orders(Examination& x) {
   if (!examine_private_folder(x, check, folder, "otherwise no node executes a telecommand")) return;
   if (!x.machine.exists(folder)) return x.note(check, "none; srfs up makes them");
   std::vector<std::string> keys{"command_key", "seal/seal_key"};
-  for (const NodeEntry& node : x.deployment.nodes) keys.push_back("of_" + node.name + "/command_key");
+  for (const NodeEntry& node : x.deployment.nodes) {
+    for (const char* key : {"/command_key", "/seal_key"}) keys.push_back("of_" + node.name + key);
+  }
   std::size_t found = 0;
   for (const std::string& key : keys) {
     const auto file = x.machine.look(folder / key);

@@ -186,7 +186,12 @@ ros::ParticipantOptions participant_options(const Target& target, int domain, ro
   if (deployment.ring.enabled) options.lease = suite::lease_beside_the_ring;
   // Who may not read the key sees the suite, and orders nothing.
   const auto key = deployment.open_orders ? std::nullopt : suite::find_seal_key(target.var);
-  if (key) ros::seal_datagrams(*key, [var = target.var] { return suite::find_seal_key(var); });
+  if (key) {
+    ros::seal_datagrams({*key}, [var = target.var] {
+      const auto now = suite::find_seal_key(var);
+      return now ? std::optional(ros::SealKeys{*now}) : std::nullopt;
+    });
+  }
   return options;
 }
 

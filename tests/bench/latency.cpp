@@ -276,7 +276,7 @@ Json measure_latency(const LatencyOptions& options) {
   if (options.fifo_priority > 0) {
     if (const std::string why = set_fifo(options.fifo_priority); !why.empty()) throw std::runtime_error(why);
   }
-  if (options.sealed) ros::seal_datagrams(ros::SealKey{1, 2, 3}, [] { return std::nullopt; });
+  if (options.sealed) ros::seal_datagrams({ros::SealKey{1, 2, 3}}, [] { return std::nullopt; });
   const int domain = testing_support::own_domain();
   Udp udp;
   const pid_t echo = fork();

@@ -248,10 +248,14 @@ void look_for_question(const std::uint8_t* data, std::size_t size) {
 /// Where datagrams are sealed, the seal is the first submessage behind the RTPS header: without it.
 std::size_t without_seal(std::uint8_t* datagram, std::size_t size) {
   constexpr std::size_t header = 20;
-  constexpr std::size_t behind = header + srfs::ros::DatagramSeal::octets;
-  if (!srfs::ros::datagram_seal() || size < behind) return size;
+  constexpr std::size_t submessage_header = 4;
+  if (!srfs::ros::datagram_seal() || size < header + submessage_header) return size;
+  const std::size_t octets =
+      submessage_header + (std::size_t{datagram[header + 2]} << 8 | datagram[header + 3]);
+  const std::size_t behind = header + octets;
+  if (size < behind) return size;
   std::memmove(datagram + header, datagram + behind, size - behind);
-  return size - srfs::ros::DatagramSeal::octets;
+  return size - octets;
 }
 
 /// The node itself says the wrong thing: it bears its seal.

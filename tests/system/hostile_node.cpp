@@ -1,10 +1,11 @@
 // SPDX-FileCopyrightText: 2026 SRFS contributors
 // SPDX-License-Identifier: Apache-2.0
 // A payload that is correctly signed and flown, and attacks what is around it (test_hostile_node.py). It is
-// examples/payload_idle as far as the suite sees; when it gets Active it tries to read keys, to trace, kill
-// and slow down other nodes of its VAR, to change their files, to start programs, and to take the machine's
-// disk, descriptors and memory. Each attempt is a line of state/NODE/attacks: "done" or "refused", and what
-// it was. Nothing here harms a machine on which an attempt succeeds, except for the nodes of this VAR.
+// examples/payload_idle as far as the suite sees; when it gets Active it forges what other nodes say, orders
+// them over DDS, and says their goodbyes. Then it tries to read keys, to trace, kill and slow down other
+// nodes of its VAR, to change their files, to start programs, and to take the machine's disk, descriptors and
+// memory. Each attempt is a line of state/NODE/attacks: "done" or "refused", and what it was. Nothing here
+// harms a machine on which an attempt succeeds, except for the nodes of this VAR.
 #include <algorithm>
 #include <csignal>
 #include <filesystem>
@@ -28,8 +29,13 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
+#include <lifecycle_msgs/srv/change_state.hpp>
+#include <rcl_interfaces/srv/set_parameters.hpp>
+
+#include "suite/command_keys.hpp"
 #include "suite/node.hpp"
 #include "suite/run_node.hpp"
+#include "suite/topics.hpp"
 
 namespace {
 
@@ -107,6 +113,9 @@ class Attack {
   void read_secrets() {
     for (const char* folder : {"keys", "golden", "ground", "files", "state/ttc", "state/maintenance"})
       attempt(std::string("list ") + folder, [&] { return lists(var_.root / folder); });
+    for (const char* file :
+         {"seal/seal_key", "command_key", "of_ttc/command_key", "of_payload_eps/command_key"})
+      attempt(std::string("read order key ") + file, [&] { return reads(suite::order_keys(var_) / file); });
     for (const char* file : {"keys/package.pub", "ground/package_test.seed", "state/ttc/journal_a"})
       attempt(std::string("read ") + file, [&] { return reads(var_.root / file); });
     attempt("read /etc/shadow", [] { return reads("/etc/shadow"); });
@@ -235,6 +244,114 @@ class Attack {
   std::ofstream report_;
 };
 
+/// What it says over DDS in the name of others, sealed by what it has.
+class Forger {
+ public:
+  Forger(suite::Node& node, std::function<void()> done) : node_(node), done_(std::move(done)) {
+    timer_ = node.create_timer(
+        milliseconds(50), [this] { forge(); }, "forger");
+    using lifecycle_msgs::srv::ChangeState;
+    using rcl_interfaces::srv::SetParameters;
+    for (const char* victim : {"ttc", "timing", "payload_eps"}) {
+      transitions_.push_back(node.create_client<ChangeState>("/" + std::string(victim) + "/change_state"));
+      ChangeState::Request deactivate;
+      deactivate.transition.id = 4;
+      transitions_.back()->call(deactivate, seconds(5), 1, [this, victim](const auto& answer) {
+        answered("deactivate " + std::string(victim), answer && answer->success);
+      });
+    }
+    parameters_ = node.create_client<SetParameters>("/timing/set_parameters");
+    SetParameters::Request slower;
+    slower.parameters.resize(1);
+    slower.parameters[0].name = "tick_period_ms";
+    slower.parameters[0].value.type = 2;
+    slower.parameters[0].value.integer_value = 1000;
+    parameters_->call(slower, seconds(5), 1, [this](const auto& answer) {
+      answered("slow timing down", answer && !answer->results.empty() && answer->results[0].successful);
+    });
+  }
+
+ private:
+  void answered(const std::string& what, bool done) {
+    std::ofstream(node_.var().state(node_.name()) / "orders", std::ios::app)
+        << (done ? "done " : "refused ") << what << std::endl;
+    ++answers_;
+  }
+  void forge() {
+    const auto time = static_cast<std::uint64_t>(node_.now().ns());
+    srfs_msgs::msg::TimeTick tick;
+    tick.cycle = 1'000'000'000 + round_;
+    tick.monotonic_ns = time;
+    tick.period_us = 100'000;
+    ticks_->publish(tick);
+    srfs_msgs::msg::TaskFlags flags;
+    flags.holder = node_.name();
+    flags.switcher_incarnation = 1000;
+    flags.grant_counter = 100'000'000 + round_;
+    flags.tick_received_ns = time;
+    flags_->publish(flags);
+    srfs_msgs::msg::SystemMode mode;
+    mode.name = "safe";
+    mode.change = 1'000'000 + round_;
+    mode.monotonic_ns = time;
+    mode_->publish(mode);
+    srfs_msgs::msg::Event event;
+    event.source = "timing";
+    event.event_id = 1;
+    event.severity = srfs_msgs::msg::Event::HIGH;
+    events_->publish(event);
+    srfs_msgs::msg::BusStatus status;
+    status.payload = "payload_eps";
+    status.status = srfs_msgs::msg::BusStatus::FAILED;
+    statuses_->publish(status);
+    order("maintenance", 48, 1, "payload_adcs");  // ring.hold
+    order("maintenance", 48, 12, "x.package");    // packages.install
+    if (round_ % 20 == 0) say_goodbyes();
+    if (++round_ >= rounds && answers_ == 4) {
+      timer_.reset();
+      done_();
+    }
+  }
+  void order(const char* target, std::uint16_t apid, std::uint16_t function, const std::string& text) {
+    srfs_msgs::msg::Telecommand m;
+    m.id = (1ULL << 62U) + round_;
+    m.target = target;
+    m.apid = apid;
+    m.function_id = function;
+    m.repeat_class = 1;
+    m.expiry_ns = static_cast<std::uint64_t>((node_.now() + seconds(60)).ns());
+    m.arguments.push_back(static_cast<std::uint8_t>(text.size()));
+    m.arguments.insert(m.arguments.end(), text.begin(), text.end());
+    m.proof.fill(0x55);
+    telecommands_->publish(m);
+  }
+  void say_goodbyes() {
+    for (const auto& member : node_.participant().known_participants().members())
+      (void)node_.participant().announce_departure(member.prefix);
+  }
+
+  static constexpr std::uint32_t rounds = 200;
+  suite::Node& node_;
+  std::function<void()> done_;
+  std::uint32_t round_ = 0;
+  int answers_ = 0;
+  std::shared_ptr<ros::Publisher<srfs_msgs::msg::TimeTick>> ticks_ =
+      node_.create_publisher(suite::topics::time_tick);
+  std::shared_ptr<ros::Publisher<srfs_msgs::msg::TaskFlags>> flags_ =
+      node_.create_publisher(suite::topics::task_flags);
+  std::shared_ptr<ros::Publisher<srfs_msgs::msg::SystemMode>> mode_ =
+      node_.create_publisher(suite::topics::mode);
+  std::shared_ptr<ros::Publisher<srfs_msgs::msg::Event>> events_ =
+      node_.create_publisher(suite::topics::event);
+  std::shared_ptr<ros::Publisher<srfs_msgs::msg::BusStatus>> statuses_ =
+      node_.create_publisher(suite::topics::bus_status);
+  std::shared_ptr<ros::Publisher<srfs_msgs::msg::Telecommand>> telecommands_ =
+      node_.create_publisher(suite::topics::telecommand);
+  std::vector<std::shared_ptr<ros::Client<lifecycle_msgs::srv::ChangeState>>> transitions_;
+  std::shared_ptr<ros::Client<rcl_interfaces::srv::SetParameters>> parameters_;
+  ros::Timer timer_;
+};
+
 class HostileNode : public suite::Node {
  public:
   using Node::Node;
@@ -245,11 +362,15 @@ class HostileNode : public suite::Node {
     flags_ = create_subscription(suite::topics::task_flags,
                                  [this](const srfs_msgs::msg::TaskFlags& flags) { give_back(flags); });
     // Not in the self-test, in which no state of its own lasts.
-    if (fs::exists(var().state(name()) / "attack"))
-      std::thread([attack = std::make_shared<Attack>(var(), name())] { attack->run(); }).detach();
+    if (fs::exists(var().state(name()) / "attack")) {
+      forger_ = std::make_unique<Forger>(*this, [this] {
+        std::thread([attack = std::make_shared<Attack>(var(), name())] { attack->run(); }).detach();
+      });
+    }
     return ros::CallbackReturn::success;
   }
   ros::CallbackReturn on_deactivate() override {
+    forger_.reset();
     flags_.reset();
     statuses_.reset();
     return ros::CallbackReturn::success;
@@ -268,6 +389,7 @@ class HostileNode : public suite::Node {
     statuses_->publish(status);
   }
 
+  std::unique_ptr<Forger> forger_;
   std::shared_ptr<ros::Publisher<srfs_msgs::msg::BusStatus>> statuses_;
   std::shared_ptr<ros::Subscription<srfs_msgs::msg::TaskFlags>> flags_;
 };

@@ -188,7 +188,7 @@ int main(int argc, char** argv) {
   options.identity = claim.empty() ? std::nullopt : ros::find_identity(as_octets(";srfs=" + claim + ";"));
   options.executor = &rogue.executor;
   const auto key = member ? suite::find_seal_key(suite::VarPaths::at(var)) : std::nullopt;
-  if (key) ros::seal_datagrams(*key, [at = suite::VarPaths::at(var)] { return suite::find_seal_key(at); });
+  if (key) ros::seal_datagrams({*key}, [] { return std::nullopt; });
   auto participant = ros::Participant::create(options);
   if (!participant) {
     std::cerr << participant.error() << '\n';

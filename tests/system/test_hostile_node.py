@@ -17,8 +17,11 @@ NODE = "payload_thermal"
 OTHERS = ("payload_adcs", "payload_eps")
 MOST = {"descriptors": 1024, "MiB of a file": 128, "MiB of memory": 256}
 # Kinds of attempts that the report must have; those on processes once for each.
-ATTEMPTS = ("list keys", "read keys/package.pub", "write run/stopping", "memory by ptrace", "signal by fcntl", "end by kill", "start a process",
+ATTEMPTS = ("list keys", "read order key seal/seal_key",
+            "read keys/package.pub", "write run/stopping", "memory by ptrace", "signal by fcntl", "end by kill", "start a process",
             "a real-time priority", "shared memory")  # fmt: skip
+# Where it says what only others may say, and what it asks of them.
+FORGED = ("/timing/tick", "/can/task_flags", "/telecommand", "/event", "/can/bus_status", "~/change_state", "~/set_parameters")
 
 
 class HostileNodeTest(SystemTest):
@@ -34,6 +37,7 @@ class HostileNodeTest(SystemTest):
     def prepare(self, flight):
         """Lets the program attack when it is Active: a file in its own folder, which the golden program does not look at."""
         self.secret = os.urandom(16).hex()
+        self.tick_period = flight.srfs("param", "get", "timing", "tick_period_ms").stdout.strip().split()[-1]
         (flight.var / "files").mkdir(exist_ok=True)
         (flight.var / "files" / "of_others").write_text(self.secret)
         own = flight.var / "state" / NODE
@@ -41,7 +45,26 @@ class HostileNodeTest(SystemTest):
         (own / "attack").touch()
         return self.processes(flight), {node: self.state_of(pid) for node, pid in self.processes(flight).items()}
 
-    def judge(self, flight, recorder, since, before):
+    def judge_orders(self, flight, ground, since_sent):
+        """What it said and ordered over DDS in the name of others."""
+        orders = flight.var / "state" / NODE / "orders"
+        wait_until(lambda: orders.exists() and orders.read_text().count("\n") >= 4, DEADLINE_S, "its orders were answered")
+        self.assertEqual([line for line in orders.read_text().splitlines() if not line.startswith("refused ")], [])
+        for topic in FORGED:
+            self.wait_for_event(
+                ground,
+                "node.foreign_samples",
+                since_sent,
+                lambda m: m["fields"]["topic"] == topic and m["fields"]["participant"].startswith(f"{NODE}, "),  # noqa: B023
+            )
+        goodbyes = r"forged datagrams .* [1-9]\d* of an uplinked node in another's name"
+        wait_until(lambda: re.search(goodbyes, (flight.var / "log/ttc.log").read_text(errors="replace")), DEADLINE_S, "its goodbyes for others")
+        self.assertEqual({node["state"] for node in flight.status() if node["name"] != NODE}, {"active"})
+        self.assertFalse((flight.var / "state/payload_adcs/hold").exists())
+        self.assertEqual(flight.srfs("param", "get", "timing", "tick_period_ms").stdout.strip().split()[-1], self.tick_period)
+
+    def judge(self, flight, ground, recorder, since, before, since_sent=0):
+        self.judge_orders(flight, ground, since_sent)
         report = flight.var / "state" / NODE / "attacks"
         wait_until(lambda: report.exists() and report.read_text().endswith("end of all attempts\n"), DEADLINE_S, "it has attempted everything")
         wait_until(lambda: flight.versions(NODE)["running"] == 0, DEADLINE_S, "it was ended and rolled back")
@@ -72,15 +95,15 @@ class HostileNodeTest(SystemTest):
 
     def test_an_uplinked_program_reaches_none_of_its_goals_and_is_rolled_back(self):
         with self.flight("fig16") as flight:
-            recorder = flight.recorder()
+            ground, recorder = flight.ground(), flight.recorder()
             before = self.prepare(flight)
             for payload in OTHERS:
                 wait_for_slots(recorder, payload, "released", 1, 0)
             since = recorder.position()
             for words in (("add", NODE, str(BIN / "hostile_node")), ("use", NODE, "1", "--probation", "3600")):
                 self.assertEqual(flight.srfs("versions", *words).returncode, 0, words)
-            self.judge(flight, recorder, since, before)
-            self.complete(flight.ground(), "tc ring.report_faults count=1")
+            self.judge(flight, ground, recorder, since, before)
+            self.complete(ground, "tc ring.report_faults count=1")
 
 
 class HostilePackageTest(UpdateTest, HostileNodeTest):
@@ -97,5 +120,5 @@ class HostilePackageTest(UpdateTest, HostileNodeTest):
             since = recorder.position()
             self.assertEqual(outcome["stage"], "completed", outcome)
             self.assertIn(self.end(ground, since_sent)["event"], ("update.installed", "update.failed"))
-            self.judge(flight, recorder, since, before)
+            self.judge(flight, ground, recorder, since, before, since_sent)
             self.complete(ground, "tc ring.report_faults count=1")

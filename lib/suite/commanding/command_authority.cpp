@@ -7,6 +7,7 @@
 #include <mission/structures.hpp>
 
 #include "base/log.hpp"
+#include "ros/datagram_seal.hpp"
 #include "suite/topics.hpp"
 
 namespace srfs {
@@ -93,6 +94,13 @@ void CommandSigner::read_key() {
 void CommandSigner::prove(srfs_msgs::msg::Telecommand& telecommand) {
   if (monotonic_now() - key_read_ >= between_readings) read_key();
   if (key_) telecommand.proof = srfs::prove(suite::command_key_of(*key_, telecommand.target), telecommand);
+}
+
+void CommandSigner::keep_keys() {
+  if (open_) return;
+  read_key();
+  if (const auto& seal = ros::datagram_seal(); seal && !seal->is_limited())
+    (void)suite::suite_seal_key(var_, seal->keys().key);  // what is wrong with it is no news each second
 }
 
 bool CommandSigner::believes(const srfs_msgs::msg::TelecommandReport& report) {

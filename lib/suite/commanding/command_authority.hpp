@@ -57,6 +57,10 @@ class CommandSigner {
   /// the one that is known is written again: the nodes hold theirs of it.
   void prove(srfs_msgs::msg::Telecommand& telecommand);
   [[nodiscard]] bool believes(const srfs_msgs::msg::TelecommandReport& report);
+  /// To be called each second: writes the suite's keys again, of telecommands and of datagrams, where their
+  /// files are missing. Nodes that are confined to the folder of before have them in memory, and could not
+  /// read others.
+  void keep_keys();
 
  private:
   void read_key();

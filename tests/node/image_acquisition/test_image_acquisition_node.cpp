@@ -13,7 +13,7 @@
 #include "nodes/image_acquisition/image_acquisition_node.hpp"
 #include "tests/dds_domain.hpp"
 #include "tests/node/image_acquisition/scripted_camera.hpp"
-#include "tests/temporary_folder.hpp"
+#include "tests/var_folder.hpp"
 
 namespace srfs {
 namespace {
@@ -133,7 +133,7 @@ class ImageAcquisitionNodeTest : public testing::Test {
   }
   std::filesystem::path images() const { return folder_ / "images"; }
 
-  testing_support::TemporaryFolder temporary_;
+  testing_support::VarFolder temporary_;
   const std::filesystem::path folder_ = temporary_.path();
   const MonotonicTime start_ = monotonic_now();
   ros::Executor executor_;

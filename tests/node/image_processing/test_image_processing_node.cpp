@@ -20,7 +20,7 @@
 #include "lib/image/test/skies.hpp"
 #include "nodes/image_processing/image_processing_node.hpp"
 #include "tests/dds_domain.hpp"
-#include "tests/temporary_folder.hpp"
+#include "tests/var_folder.hpp"
 
 namespace srfs {
 namespace {
@@ -139,7 +139,7 @@ class ImageProcessingNodeTest : public testing::Test {
   static inline std::unique_ptr<ros::Participant> here_;
   static inline std::unique_ptr<ros::Participant> there_;
   ros::Executor executor_;
-  const testing_support::TemporaryFolder temporary_;
+  const testing_support::VarFolder temporary_;
   const std::filesystem::path folder_ = temporary_.path();
   const std::filesystem::path images_ = folder_ / "images";
   std::unique_ptr<suite::Deployment> deployment_;

@@ -32,7 +32,7 @@ class SealedSuite : public testing::Test {
   static void SetUpTestSuite() {
     // Before the process has a key, and without an executor: what it sends bears no seal.
     stranger_ = make("liar", nullptr);
-    seal_datagrams(SealKey{1, 2, 3}, [] { return std::nullopt; });
+    seal_datagrams({SealKey{1, 2, 3}}, [] { return std::nullopt; });
     timing_ = make("timing", &executor_);
     ttc_ = make("ttc", &executor_);
   }
@@ -65,6 +65,20 @@ class SealedSuite : public testing::Test {
     GuidPrefix prefix{};
     std::copy_n(guid.guidPrefix.value, prefix.size(), prefix.begin());
     return prefix;
+  }
+
+  /// Of all participants of the domain.
+  static void send_to_discovery(const Octets& datagram) {
+    const Fd fd(socket(AF_INET, SOCK_DGRAM | SOCK_CLOEXEC, 0));
+    for (int number = 0; number < 32; ++number) {
+      sockaddr_in to{};
+      to.sin_family = AF_INET;
+      to.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
+      to.sin_port =
+          htons(static_cast<std::uint16_t>(7400 + 250 * testing_support::own_domain() + 10 + 2 * number));
+      (void)sendto(fd.get(), datagram.data(), datagram.size(), 0, reinterpret_cast<const sockaddr*>(&to),
+                   sizeof to);
+    }
   }
 
   static inline Executor executor_;
@@ -112,6 +126,21 @@ TEST_F(SealedSuite, AStrangersReplyEndsNoCall) {
   EXPECT_EQ(*answer, 8U);
 }
 
+/// As often as somebody sends it, to whatever port.
+TEST_F(SealedSuite, ARecordedDatagramIsTakenOnce) {
+  const auto service = service_of(*timing_, 1);
+  const auto client = client_of(*ttc_);
+  ASSERT_TRUE(wait([&] { return client->is_ready(); }));
+  const auto before = datagram_seal()->forged().repeated;
+  Octets message = departure_message(prefix_of(service->writer_guid()));
+  message.resize(20);  // the header: it says nothing
+  Octets recorded;
+  DatagramSeal({SealKey{1, 2, 3}}, [] { return std::nullopt; }).seal(message, monotonic_now(), recorded);
+  for (int times = 0; times < 3; ++times) send_to_discovery(recorded);
+  ASSERT_TRUE(wait([&] { return datagram_seal()->forged().repeated >= before + 4; }));
+  EXPECT_TRUE(client->is_ready());
+}
+
 TEST_F(SealedSuite, AStrangerCannotSayGoodbyeForAMember) {
   const auto service = service_of(*timing_, 1);
   const auto client = client_of(*ttc_);
@@ -123,16 +152,7 @@ TEST_F(SealedSuite, AStrangerCannotSayGoodbyeForAMember) {
   // member's.
   Octets goodbye = departure_message(prefix_of(service->writer_guid()));
   std::copy(liar.begin(), liar.end(), goodbye.begin() + 8);
-  const Fd fd(socket(AF_INET, SOCK_DGRAM | SOCK_CLOEXEC, 0));
-  for (int number = 0; number < 32; ++number) {
-    sockaddr_in to{};
-    to.sin_family = AF_INET;
-    to.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
-    to.sin_port =
-        htons(static_cast<std::uint16_t>(7400 + 250 * testing_support::own_domain() + 10 + 2 * number));
-    (void)sendto(fd.get(), goodbye.data(), goodbye.size(), 0, reinterpret_cast<const sockaddr*>(&to),
-                 sizeof to);
-  }
+  send_to_discovery(goodbye);
   ASSERT_TRUE(wait([&] { return datagram_seal()->forged().about >= before + 2; }));
   EXPECT_TRUE(client->is_ready());
   std::optional<std::uint64_t> answer;

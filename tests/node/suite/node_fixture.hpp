@@ -19,7 +19,7 @@
 #include "base/file.hpp"
 #include "suite/node.hpp"
 #include "tests/dds_domain.hpp"
-#include "tests/temporary_folder.hpp"
+#include "tests/var_folder.hpp"
 
 namespace srfs::suite {
 
@@ -124,7 +124,7 @@ class ScriptedNodeTest : public testing::Test {
   ros::Executor executor_;
   ros::Participant* here_ = shared_participant(0);
   ros::Participant* there_ = shared_participant(1);
-  const testing_support::TemporaryFolder temporary_;
+  const testing_support::VarFolder temporary_;
   const std::filesystem::path folder_ = temporary_.path();
   std::unique_ptr<Deployment> deployment_;
   std::uint32_t incarnation_ = 0;

@@ -38,7 +38,7 @@
 #include "suite/node_versions.hpp"
 #include "suite/starter.hpp"
 #include "tests/signal_child.hpp"
-#include "tests/temporary_folder.hpp"
+#include "tests/var_folder.hpp"
 
 namespace srfs::suite {
 namespace {
@@ -131,7 +131,7 @@ class Confining : public testing::Test {
     return privileges_from(read_file("/proc/" + std::to_string(pid) + "/status", 65536).value_or(""));
   }
 
-  const testing_support::TemporaryFolder temporary_;
+  const testing_support::VarFolder temporary_;
   const std::filesystem::path folder_ = std::filesystem::canonical(temporary_.path());
   const VarPaths var_{folder_ / "var"};
   Deployment plan_;
@@ -380,9 +380,29 @@ TEST_F(Confining, ANodeReadsNoKeyOfOrdersButItsOwnAndTtcAll) {
     EXPECT_TRUE(can("eps", version, finds("eps", eps))) << version;
     EXPECT_FALSE(can("eps", version, finds("thermal", thermal))) << version;
     EXPECT_FALSE(can("eps", version, commands)) << version;
-    EXPECT_TRUE(can("eps", version, [=, this] { return find_seal_key(var_) == std::optional(seal); }));
+    EXPECT_EQ(can("eps", version, [=, this] { return find_seal_key(var_) == std::optional(seal); }),
+              version == 0)
+        << "an uplinked node";
     EXPECT_TRUE(can("ttc", version, commands)) << version;
   }
+}
+
+TEST_F(Confining, AnUplinkedNodeSealsByItsOwnKeyAndCannotFindAnother) {
+  const ros::SealKey suite = suite_seal_key(var_).value();
+  for (const char* node : {"eps", "thermal"}) ASSERT_TRUE(hand_out_seal_key(var_, node, true));
+  const auto seals_by = [this](const std::string& node, const ros::SealKeys& keys) {
+    return [=, this] { return seal_keys(var_, node) == Result<ros::SealKeys, std::string>(keys); };
+  };
+  const auto limited = [&](const std::string& node) {
+    return ros::SealKeys{ros::limited_seal_key(suite, node), node, ros::seal_key_among_limited(suite)};
+  };
+  EXPECT_TRUE(can("eps", 1, seals_by("eps", limited("eps"))));
+  EXPECT_FALSE(can("eps", 1, seals_by("thermal", limited("thermal"))));
+  EXPECT_TRUE(can("eps", 0, seals_by("eps", ros::SealKeys{suite})));
+  EXPECT_TRUE(can("ttc", 1, seals_by("ttc", ros::SealKeys{suite}))) << "the others must believe it";
+  // What it cannot read it does not replace either.
+  EXPECT_FALSE(can("eps", 1, [this] { return suite_seal_key(var_).has_value(); }));
+  EXPECT_EQ(suite_seal_key(var_).value(), suite);
 }
 
 TEST_F(Confining, RootsNodesHaveTheCapabilitiesOfTheirWorkAlone) {

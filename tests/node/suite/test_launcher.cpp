@@ -25,7 +25,7 @@
 #include "base/time.hpp"
 #include "suite/launcher.hpp"
 #include "tests/signal_child.hpp"
-#include "tests/temporary_folder.hpp"
+#include "tests/var_folder.hpp"
 
 namespace srfs::suite {
 namespace {
@@ -163,7 +163,7 @@ class Launching : public testing::Test {
     return s;
   }
 
-  const testing_support::TemporaryFolder temporary_;
+  const testing_support::VarFolder temporary_;
   const std::filesystem::path folder_ = temporary_.path();
   Deployment plan_;
 };

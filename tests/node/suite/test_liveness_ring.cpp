@@ -16,6 +16,7 @@
 #include "base/fd.hpp"
 #include "base/file.hpp"
 #include "ros/lifecycle.hpp"
+#include "suite/command_keys.hpp"
 #include "suite/launcher.hpp"
 #include "suite/ring/heartbeat_page.hpp"
 #include "suite/ring/membership.hpp"
@@ -65,6 +66,7 @@ class LivenessRingTest : public testing::Test {
       return gone;
     }));
     std::error_code ec;
+    forget_command_keys(var_);
     std::filesystem::remove_all(var_.memory(), ec);
     std::filesystem::remove_all(var_.root, ec);
   }

@@ -21,6 +21,7 @@
 #include <unistd.h>
 
 #include "base/file.hpp"
+#include "suite/command_keys.hpp"
 #include "suite/node_versions.hpp"
 #include "suite/ring/heartbeat_page.hpp"
 #include "suite/ring/node_record.hpp"
@@ -76,6 +77,7 @@ class Restarting : public testing::Test {
       }
     }
     EXPECT_TRUE(wait_until([&] { return processes().empty(); })) << "left behind";
+    forget_command_keys(var_);
     std::filesystem::remove_all(var_.memory());
     std::filesystem::remove_all(folder_);
   }

@@ -12,7 +12,7 @@
 #include "ros/client.hpp"
 #include "suite/mission_time.hpp"
 #include "tests/dds_domain.hpp"
-#include "tests/temporary_folder.hpp"
+#include "tests/var_folder.hpp"
 
 namespace srfs {
 namespace {
@@ -97,7 +97,7 @@ class TimingNodeTest : public testing::Test {
     }
   }
 
-  testing_support::TemporaryFolder temporary_;
+  testing_support::VarFolder temporary_;
   const std::filesystem::path folder_ = temporary_.path();
   ros::Executor executor_;
   std::unique_ptr<ros::Participant> here_;

@@ -30,7 +30,7 @@
 #include "suite/commanding/commanded_node.hpp"
 #include "tests/dds_domain.hpp"
 #include "tests/signal_child.hpp"
-#include "tests/temporary_folder.hpp"
+#include "tests/var_folder.hpp"
 #include "wire/farm1.hpp"
 #include "wire/tc_uplink.hpp"
 
@@ -176,8 +176,10 @@ class TtcCrashPoints : public testing::Test {
                                       "        { name: payload_thermal, executable: x }]\n"));
     deployment_ = std::make_unique<suite::Deployment>(suite::Deployment::load(folder_ / "d.yaml"));
     // ttc's process believes this one only if it seals.
-    const auto key = [var = suite::VarPaths::at(folder_)] { return suite::suite_seal_key(var).value(); };
-    ros::seal_datagrams(key(), key);
+    const auto keys = [var = suite::VarPaths::at(folder_)] {
+      return ros::SealKeys{suite::suite_seal_key(var).value()};
+    };
+    ros::seal_datagrams(keys(), keys);
     here_ = ros::Participant::create({testing_support::own_domain(), {"127.0.0.1"}, &executor_}).value();
     context_ = std::make_unique<suite::NodeContext>(
         suite::NodeContext{"payload_thermal", *deployment_, suite::VarPaths{folder_}, 1, executor_, *here_});
@@ -317,7 +319,7 @@ class TtcCrashPoints : public testing::Test {
 
   ros::Executor executor_;
   std::unique_ptr<ros::Participant> here_;
-  const testing_support::TemporaryFolder temporary_;
+  const testing_support::VarFolder temporary_;
   const std::filesystem::path folder_ = temporary_.path();
   const wire::SdlsKey key_ = wire::SdlsKey::from_hex(std::string(64, '7')).value();
   Fd line_;

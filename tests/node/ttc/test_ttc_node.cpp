@@ -27,7 +27,7 @@
 #include "suite/commanding/command_proof.hpp"
 #include "tests/dds_domain.hpp"
 #include "tests/node/ttc/disk_faults.hpp"
-#include "tests/temporary_folder.hpp"
+#include "tests/var_folder.hpp"
 #include "wire/cuc.hpp"
 #include "wire/tc_uplink.hpp"
 
@@ -240,7 +240,7 @@ class TtcNodeTest : public testing::Test {
   ros::Executor executor_;
   std::unique_ptr<ros::Participant> here_;
   std::unique_ptr<ros::Participant> there_;
-  const testing_support::TemporaryFolder temporary_;
+  const testing_support::VarFolder temporary_;
   const std::filesystem::path folder_ = temporary_.path();
   Fd line_;
   std::unique_ptr<suite::Deployment> deployment_;
