@@ -34,7 +34,9 @@ set(CPACK_DEBIAN_PACKAGE_RECOMMENDS
   "g++, libexpected-dev, libfastcdr-dev, libfastrtps-dev, libfmt-dev, libssl-dev, libyaml-cpp-dev, nlohmann-json3-dev")
 # What a mission of one's own is built with (examples/mission_minimal), beside the recommended ones.
 # OpenCV: for uplinked image methods that are written in it (examples/image_motion).
-set(CPACK_DEBIAN_PACKAGE_SUGGESTS "cmake, libeigen3-dev, libgmock-dev, libopencv-core-dev, libopencv-imgproc-dev, ninja-build, python3-jinja2, python3-yaml")
+# libpq5: srfs-ground loads it for an archive in a PostgreSQL.
+set(CPACK_DEBIAN_PACKAGE_SUGGESTS
+  "cmake, libeigen3-dev, libgmock-dev, libopencv-core-dev, libopencv-imgproc-dev, libpq5, ninja-build, python3-jinja2, python3-yaml")
 list(JOIN CPACK_DEBIAN_PACKAGE_DEPENDS ", " CPACK_DEBIAN_PACKAGE_DEPENDS)
 set(CPACK_DEBIAN_PACKAGE_CONTROL_STRICT_PERMISSION ON)
 foreach(script postinst prerm postrm conffiles)

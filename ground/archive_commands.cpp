@@ -48,7 +48,7 @@ using Work = std::function<Archive::Outcome(Archive&)>;
 
 /// Opens the archive and does @p work with it.
 Exit with_archive(const ArchiveCommand& command, ArchiveUse use, const Work& work) {
-  const auto archive = open_archive(command.file, use);
+  const auto archive = open_archive(command.place, use);
   if (!archive) return fail(archive.error());
   const auto done = work(**archive);
   return done ? Exit::done : fail(done.error());
@@ -200,16 +200,21 @@ Exit show_transfers(const ArchiveCommand& command) {
 }
 
 Exit check_archive(const ArchiveCommand& command) {
-  const auto archive = open_archive(command.file, ArchiveUse::read);
+  const auto archive = open_archive(command.place, ArchiveUse::read);
   const auto wrong = archive ? (*archive)->check() : Err(archive.error());
   if (!wrong) return fail(wrong.error());
   for (const std::string& problem : *wrong) put(for_terminal(problem) + "\n");
-  put(wrong->empty() ? "nothing is wrong\n" : "end the server, then: srfs-ground archive repair\n");
+  const char* const advice = is_shared(command.place)
+                                 ? "it comes from below the database: its backup, or pg_amcheck, help\n"
+                                 : "end the server, then: srfs-ground archive repair\n";
+  put(wrong->empty() ? "nothing is wrong\n" : advice);
   return wrong->empty() ? Exit::done : Exit::refused;
 }
 
 Exit repair(const ArchiveCommand& command) {
-  const auto repaired = repair_archive(command.file);
+  if (is_shared(command.place))
+    return fail("archive repair is for SQLite files; a PostgreSQL is restored from its backup");
+  const auto repaired = repair_archive(command.place.address);
   if (!repaired) return fail(repaired.error());
   if (repaired->completed) {
     put("an interrupted repair is complete\n");
@@ -222,7 +227,7 @@ Exit repair(const ArchiveCommand& command) {
 }
 
 Exit rebuild(const ArchiveCommand& command) {
-  return with_archive(command, ArchiveUse::write, [](Archive& archive) {
+  return with_archive(command, ArchiveUse::care, [](Archive& archive) {
     auto done = archive.forget_minutes();
     if (done) put("srfs-ground serve makes the aggregates anew\n");
     return done;
@@ -230,7 +235,7 @@ Exit rebuild(const ArchiveCommand& command) {
 }
 
 Exit prune(const ArchiveCommand& command) {
-  return with_archive(command, ArchiveUse::write, [&](Archive& archive) -> Archive::Outcome {
+  return with_archive(command, ArchiveUse::care, [&](Archive& archive) -> Archive::Outcome {
     const auto rows = archive.prune(command.table, *command.period.to);
     if (!rows) return Err(rows.error());
     put(fmt::format("{} rows of {} removed\n", *rows, command.table));

@@ -2,7 +2,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
-#include <filesystem>
 #include <string>
 
 #include "ground/archive/archive.hpp"
@@ -14,7 +13,7 @@ namespace srfs::ground {
 enum class RowForm : std::uint8_t { lines, json, csv };
 
 struct ArchiveCommand {
-  std::filesystem::path file;
+  ArchivePlace place;
   RowForm form = RowForm::lines;
   Period period = {};
   std::size_t most = 0;        ///< rows; 0: all

@@ -63,4 +63,15 @@ std::string for_terminal(std::string_view text) {
   return shown;
 }
 
+std::string valid_utf8(std::string_view text) {
+  std::string valid;
+  while (!text.empty()) {
+    const Character character = first_of(text);
+    const bool stays = character.octets > 0 && character.code != 0;
+    valid += stays ? text.substr(0, character.octets) : std::string_view("\uFFFD");
+    text.remove_prefix(stays ? character.octets : 1);
+  }
+  return valid;
+}
+
 }  // namespace srfs::ground

@@ -12,4 +12,7 @@ namespace srfs::ground {
 /// \x1b or \u202e, a backslash as \\. One line stays one line.
 [[nodiscard]] std::string for_terminal(std::string_view text);
 
+/// Text that a database or a JSON reader takes: U+FFFD for each octet that is no UTF-8, and for U+0000.
+[[nodiscard]] std::string valid_utf8(std::string_view text);
+
 }  // namespace srfs::ground

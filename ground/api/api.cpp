@@ -212,7 +212,7 @@ Api::Api(const mission::Dictionary& dictionary, Gateway& gateway, Settings setti
 }
 
 Result<std::unique_ptr<Archive>, std::string> Api::open() const {
-  return open_archive(settings_.state_dir / archive_name, ArchiveUse::read);
+  return open_archive(settings_.archive, ArchiveUse::read);
 }
 
 HttpApplication::Admission Api::admit(const HttpRequest& request) {

@@ -33,6 +33,7 @@ class Api final : public HttpApplication {
  public:
   struct Settings {
     std::filesystem::path state_dir;
+    ArchivePlace archive;
     std::filesystem::path web_root;          ///< empty: there is no page
     std::filesystem::path orders_file = {};  ///< of the OrderJournal; empty: none
     Tokens tokens;

@@ -34,7 +34,8 @@ nlohmann::json stage_json(const StageReport& report, const std::string& token) {
 }
 
 Result<std::unique_ptr<Gateway>, std::string> Gateway::open(const mission::Dictionary& dictionary,
-                                                            const std::filesystem::path& state_dir) {
+                                                            const std::filesystem::path& state_dir,
+                                                            const ArchivePlace& place) {
   auto server = ServerConnection::open(state_dir / serve::socket_name,
                                        {.verb = "web", .files = true, .telecommands = true});
   if (!server) return Err(server.error());
@@ -52,7 +53,7 @@ Result<std::unique_ptr<Gateway>, std::string> Gateway::open(const mission::Dicti
   if (::getentropy(random.data(), random.size()) != 0) return Err(std::string("no random octets"));
   gateway->token_prefix_ = to_hex(random);
   // What came before is known from the archive; what comes from now on waits in the socket.
-  if (const auto archive = open_archive(state_dir / archive_name, ArchiveUse::read)) {
+  if (const auto archive = open_archive(place, ArchiveUse::read)) {
     auto& snapshot = gateway->snapshot_;
     if (auto status = read_status(**archive, dictionary)) snapshot.latest = std::move(status->latest);
     if (const auto newest = (*archive)->newest_packet()) snapshot.newest_id = *newest;

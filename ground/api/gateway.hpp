@@ -50,7 +50,8 @@ class Gateway {
 
   /// The error is ready to print.
   [[nodiscard]] static Result<std::unique_ptr<Gateway>, std::string> open(
-      const mission::Dictionary& dictionary, const std::filesystem::path& state_dir);
+      const mission::Dictionary& dictionary, const std::filesystem::path& state_dir,
+      const ArchivePlace& archive);
 
   /// Runs until @p stop is readable. An error: the server has gone, and none came back.
   [[nodiscard]] Result<void, std::string> run(int stop);

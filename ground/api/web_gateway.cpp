@@ -65,7 +65,8 @@ std::optional<std::string> wrong_options(const WebOptions& options) {
 }
 
 Result<void, std::string> run_web_gateway(const mission::Dictionary& dictionary,
-                                          const std::filesystem::path& state_dir, const WebOptions& options) {
+                                          const std::filesystem::path& state_dir, const ArchivePlace& archive,
+                                          const WebOptions& options) {
   if (const auto wrong = wrong_options(options)) return Err(*wrong);
   const auto address = parse_address(options.address);
   std::shared_ptr<const TlsSettings> tls;
@@ -84,7 +85,7 @@ Result<void, std::string> run_web_gateway(const mission::Dictionary& dictionary,
   const Fd signals = termination_signals();
   ignore_broken_pipes();
   yield_to_the_server();
-  auto gateway = Gateway::open(dictionary, state_dir);
+  auto gateway = Gateway::open(dictionary, state_dir, archive);
   if (!gateway) return Err(gateway.error());
   auto server = HttpServer::open(*address, is_first ? port_of_url(file->url) : std::uint16_t{0}, tls);
   if (!server) return Err(server.error());
@@ -98,6 +99,7 @@ Result<void, std::string> run_web_gateway(const mission::Dictionary& dictionary,
   }
   Api api(dictionary, **gateway,
           {.state_dir = state_dir,
+           .archive = archive,
            .web_root = options.root.empty() ? default_web_root() : options.root,
            .orders_file = is_first ? state_dir / "web_orders" : std::filesystem::path(),
            .tokens = file->tokens,

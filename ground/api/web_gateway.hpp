@@ -11,6 +11,7 @@
 #include "base/child_process.hpp"
 #include "base/result.hpp"
 #include "base/time.hpp"
+#include "ground/archive/archive.hpp"
 #include "msgs/mission/dictionary.hpp"
 
 namespace srfs::ground::api {
@@ -28,6 +29,7 @@ struct WebOptions {
 /// print.
 [[nodiscard]] Result<void, std::string> run_web_gateway(const mission::Dictionary& dictionary,
                                                         const std::filesystem::path& state_dir,
+                                                        const ArchivePlace& archive,
                                                         const WebOptions& options);
 
 /// The program of the gateway beside its server: it is started again when it ends, and ends with the server.

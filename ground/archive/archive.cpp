@@ -14,7 +14,8 @@
 
 #include "base/crc32c.hpp"
 #include "ground/archive/archive_schema.hpp"
-#include "ground/archive/database.hpp"
+#include "ground/archive/postgresql_database.hpp"
+#include "ground/archive/sqlite_database.hpp"
 
 namespace srfs::ground {
 namespace {
@@ -27,10 +28,20 @@ constexpr seconds pass_silence{120};   ///< without a packet, the next one begin
 constexpr seconds gap_tolerance{120};  ///< times of a node's packets are not quite in order
 constexpr seconds gap_longest{600};    ///< of gaps that become one
 constexpr seconds gap_distance{60};    ///< between them
-/// Nobody else writes; readers hold up nothing. The station's loop waits for no program that does.
+/// Nobody else writes an SQLite file; readers hold up nothing. The station's loop waits for no program that
+/// does.
 constexpr milliseconds writing_patience{50};
+// Of a PostgreSQL.
+constexpr milliseconds lock_patience{300};        ///< of a station, for the other ones
+constexpr milliseconds command_patience{60'000};  ///< of a command, for an answer
+constexpr milliseconds connecting_patience{5000};
+constexpr milliseconds lock_kept_longest{5000};  ///< by a program that does nothing
+constexpr std::int64_t batch_rows = 5000;        ///< of a shared archive, that are removed at once
+constexpr std::int64_t batch_minutes = std::int64_t{24} * 60;  ///< likewise
 constexpr int live_copy = 1;
 constexpr int retrieved_copy = 2;
+constexpr std::chrono::hours elsewhere_longest{
+    48};                             ///< gaps in which another station's packets are looked for
 constexpr int open_gaps_max = 1000;  ///< of an application process; more give up the oldest
 
 struct Table {
@@ -86,7 +97,7 @@ std::vector<std::string> strings_in(const std::string& text) {
 
 /// WHERE of a period on a column, with its values.
 struct Where {
-  std::string sql = " WHERE 1";
+  std::string sql = " WHERE true";
   std::vector<std::int64_t> values;
 
   void is(const char* condition, std::int64_t value) {
@@ -114,17 +125,25 @@ Where where_of(const PacketFilter& filter) {
     where.is("(time,id)<(SELECT time, id FROM packets WHERE id=", *filter.before_id);
     where.sql += ")";
   }
-  if (filter.latest_live) where.is("copies&", live_copy);
+  if (filter.latest_live) where.is("0<copies&", live_copy);
   return where;
 }
 
-class SqliteArchive final : public Archive {
+class SqlArchive final : public Archive {
  public:
-  SqliteArchive(std::filesystem::path file, Database database)
-      : file_(std::move(file)), database_(std::move(database)) {}
+  using Prepare = std::function<Outcome(Database&)>;
+  /// @param prepare  brings the tables up to date, at the beginning of each connection that writes
+  SqlArchive(ArchivePlace place, std::unique_ptr<Database> database, Prepare prepare)
+      : place_(std::move(place)), database_(std::move(database)), prepare_(std::move(prepare)) {
+    if (database_->is_shared()) own_ = fmt::format(" AND station={}", place_.station);
+  }
 
-  /// What an earlier run saw.
+  /// What an earlier run saw, or others wrote since the last connection.
   [[nodiscard]] Outcome restore();
+  /// For reading alone: nothing is to be taken up.
+  void read() { known_ = database_->connection(); }
+  /// Takes up what an earlier run saw.
+  [[nodiscard]] Outcome take_up();
 
   Result<std::int64_t, std::string> add(const ReceivedPacket& packet, UtcTime received) override;
   Outcome add(const TelecommandEntry& telecommand) override;
@@ -160,9 +179,14 @@ class SqliteArchive final : public Archive {
  private:
   /// The statement, ready to bind; prepared once.
   [[nodiscard]] Result<Statement*, std::string> cached(const std::string& sql);
+  using Bind = std::function<void(Statement&)>;
   /// Binds what @p bind does and runs it, in the transaction.
-  [[nodiscard]] Outcome write(const std::string& sql, const std::function<void(Statement&)>& bind);
+  [[nodiscard]] Outcome write(const std::string& sql, const Bind& bind);
+  /// Likewise. @return the number that the statement returns; nullopt: no row
+  [[nodiscard]] Result<std::optional<std::int64_t>, std::string> insert(const std::string& sql,
+                                                                        const Bind& bind);
   [[nodiscard]] Outcome begin();
+  [[nodiscard]] Outcome begin_connected();
   void roll_back();
   /// What add() and commit() rely on is as it is in the file.
   struct Memory {
@@ -172,62 +196,118 @@ class SqliteArchive final : public Archive {
   [[nodiscard]] Outcome on_new(const ReceivedPacket& received, std::int64_t id, std::int64_t time,
                                const std::optional<std::uint16_t>& structure);
   [[nodiscard]] Outcome fill_gaps(const wire::TmPacket& packet, std::int64_t time);
+  /// How many packets of a gap another station received.
+  [[nodiscard]] Result<std::uint16_t, std::string> received_elsewhere(const Gap& gap);
   [[nodiscard]] Outcome add_gap(const Gap& gap);
   [[nodiscard]] Outcome link_report(const wire::TmPacket& packet, std::int64_t id);
   [[nodiscard]] Outcome write_pass();
+  [[nodiscard]] Outcome write_sequence(std::uint16_t apid, const GapFinder::Last& last);
   void follow_pass(UtcTime received);
   /// Each row of a query to @p take; false: enough.
-  [[nodiscard]] Outcome each(const std::string& sql, const Where& where,
+  [[nodiscard]] Outcome each(const std::string& sql, const Bind& bind,
                              const std::function<bool(const Statement&)>& take);
-  [[nodiscard]] std::string text_of(const DatabaseError& error) const {
-    return fmt::format("{}: {}", file_.string(), error.message);
+  [[nodiscard]] Outcome each(const std::string& sql, const Where& where,
+                             const std::function<bool(const Statement&)>& take) {
+    return each(
+        sql, [&where](Statement& s) { where.bind(s); }, take);
   }
+  [[nodiscard]] std::string text_of(const DatabaseError& error) const {
+    return fmt::format("{}: {}", place_.address, error.message);
+  }
+  [[nodiscard]] Outcome outcome_of(const Result<void, DatabaseError>& done) const {
+    return done ? Outcome{} : Err(text_of(done.error()));
+  }
+  [[nodiscard]] Outcome keep_minutes_before(std::int64_t minute);
+  /// A number by a text.
+  [[nodiscard]] Result<std::optional<std::int64_t>, std::string> number_of_text(const std::string& sql,
+                                                                                const std::string& text);
   [[nodiscard]] Result<std::int64_t, std::string> parameter_id(const std::string& name);
 
-  std::filesystem::path file_;
-  Database database_;
-  std::map<std::string, Statement, std::less<>> statements_;
+  ArchivePlace place_;
+  std::unique_ptr<Database> database_;
+  Prepare prepare_;
+  std::string own_;  ///< condition on what is each station's, where several write
+  std::map<std::string, std::unique_ptr<Statement>, std::less<>> statements_;
+  int known_ = 0;  ///< connection of which the state here is
   bool in_transaction_ = false;
+  /// Why nothing can be written until the next commit(): what is away is waited for once in a turn.
+  std::optional<std::string> away_;
   Memory now_;
   Memory committed_;                 ///< at the last commit
   std::set<std::uint16_t> changed_;  ///< application processes of which a packet came since then
   bool pass_changed_ = false;
   std::map<std::string, std::int64_t> parameters_;
-  std::int64_t first_minute_ = INT64_MIN;  ///< of which no packet was removed
-  std::int64_t next_packet_ = 1;           ///< a number is given once, also when its packet is lost
+  /// A number is given once, also when its packet is lost. nullopt: the database has other writers, too, and
+  /// gives them.
+  std::optional<std::int64_t> next_packet_;
 };
 
-Result<Statement*, std::string> SqliteArchive::cached(const std::string& sql) {
+Result<Statement*, std::string> SqlArchive::cached(const std::string& sql) {
   auto found = statements_.find(sql);
   if (found == statements_.end()) {
-    auto statement = database_.prepare(sql);
+    auto statement = database_->prepare(sql);
     if (!statement) return Err(text_of(statement.error()));
     found = statements_.emplace(sql, std::move(*statement)).first;
   }
-  return &found->second;
+  return found->second.get();
 }
 
-Archive::Outcome SqliteArchive::begin() {
+Archive::Outcome SqlArchive::begin() {
   if (in_transaction_) return {};
-  if (const auto begun = database_.run("BEGIN IMMEDIATE"); !begun) return Err(text_of(begun.error()));
-  in_transaction_ = true;
-  return {};
+  if (away_) return Err(*away_);
+  auto begun = begin_connected();
+  if (begun)
+    in_transaction_ = true;
+  else
+    away_ = begun.error();
+  return begun;
 }
 
-Archive::Outcome SqliteArchive::write(const std::string& sql, const std::function<void(Statement&)>& bind) {
-  if (auto begun = begin(); !begun) return begun;
+Archive::Outcome SqlArchive::begin_connected() {
+  auto done = outcome_of(database_->begin());
+  if (!done || known_ == database_->connection()) return done;
+  if (prepare_) {
+    done = prepare_(*database_);
+    if (!done) done = Err(fmt::format("{}: {}", place_.address, done.error()));
+    if (done) done = outcome_of(database_->commit());
+    if (done) done = outcome_of(database_->begin());
+  }
+  if (done) done = restore();
+  if (done) return done;
+  database_->roll_back();
+  known_ = 0;
+  return done;
+}
+
+Archive::Outcome SqlArchive::take_up() {
+  if (const auto begun = begin(); !begun) return begun;
+  const auto committed = commit();
+  return committed ? Outcome{} : Err(committed.error());
+}
+
+Archive::Outcome SqlArchive::write(const std::string& sql, const Bind& bind) {
+  const auto done = insert(sql, bind);
+  return done ? Outcome{} : Err(done.error());
+}
+
+Result<std::optional<std::int64_t>, std::string> SqlArchive::insert(const std::string& sql,
+                                                                    const Bind& bind) {
+  if (auto begun = begin(); !begun) return Err(begun.error());
   const auto statement = cached(sql);
   if (!statement) return Err(statement.error());
   bind(**statement);
-  const auto done = (*statement)->run();
-  if (done) return {};
+  const auto row = (*statement)->step();
+  std::optional<std::int64_t> number;
+  if (row && *row) number = (*statement)->integer(0);
+  (*statement)->reset();
+  if (row) return number;
   roll_back();
-  return Err(text_of(done.error()));
+  return Err(text_of(row.error()));
 }
 
 /// What of this transaction is not written yet is lost; the next one begins anew, with what is in the file.
-void SqliteArchive::roll_back() {
-  static_cast<void>(database_.run("ROLLBACK"));  // an error: SQLite did it already
+void SqlArchive::roll_back() {
+  database_->roll_back();
   in_transaction_ = false;
   now_ = committed_;
   changed_.clear();
@@ -235,11 +315,14 @@ void SqliteArchive::roll_back() {
   parameters_.clear();
 }
 
-Archive::Outcome SqliteArchive::each(const std::string& sql, const Where& where,
-                                     const std::function<bool(const Statement&)>& take) {
+Archive::Outcome SqlArchive::each(const std::string& sql, const Bind& bind,
+                                  const std::function<bool(const Statement&)>& take) {
+  if (known_ == 0) {
+    if (const auto begun = take_up(); !begun) return begun;
+  }
   const auto statement = cached(sql);
   if (!statement) return Err(statement.error());
-  where.bind(**statement);
+  bind(**statement);
   Outcome outcome;
   while (true) {
     const auto row = (*statement)->step();
@@ -250,25 +333,24 @@ Archive::Outcome SqliteArchive::each(const std::string& sql, const Where& where,
   return outcome;
 }
 
-Archive::Outcome SqliteArchive::restore() {
-  auto done = each("SELECT apid, sequence, time FROM sequences", {}, [&](const Statement& row) {
-    now_.finder.restore(static_cast<std::uint16_t>(row.integer(0)),
-                        {static_cast<std::uint16_t>(row.integer(1)), time_of(row.integer(2))});
-    return true;
-  });
+Archive::Outcome SqlArchive::restore() {
+  known_ = database_->connection();
+  now_ = {};
+  auto done = each(
+      "SELECT apid, sequence, time FROM sequences WHERE true" + own_, Where(), [&](const Statement& row) {
+        now_.finder.restore(static_cast<std::uint16_t>(row.integer(0)),
+                            {static_cast<std::uint16_t>(row.integer(1)), time_of(row.integer(2))});
+        return true;
+      });
   if (!done) return done;
-  done = each("SELECT minute FROM pruned", {}, [&](const Statement& row) {
-    first_minute_ = row.integer(0);
-    return true;
-  });
+  if (!database_->is_shared())
+    done = each("SELECT coalesce(max(id),0)+1 FROM packets", Where(), [&](const Statement& row) {
+      next_packet_ = row.integer(0);
+      return true;
+    });
   if (!done) return done;
-  done = each("SELECT coalesce(max(id),0)+1 FROM packets", {}, [&](const Statement& row) {
-    next_packet_ = row.integer(0);
-    return true;
-  });
-  if (!done) return done;
-  done = each("SELECT id, began, ended, packets FROM passes ORDER BY id DESC LIMIT 1", {},
-              [&](const Statement& row) {
+  done = each("SELECT id, began, ended, packets FROM passes WHERE true" + own_ + " ORDER BY id DESC LIMIT 1",
+              Where(), [&](const Statement& row) {
                 now_.pass = Pass{row.integer(0), time_of(row.integer(1)), time_of(row.integer(2)),
                                  static_cast<std::uint64_t>(row.integer(3))};
                 return true;
@@ -277,7 +359,7 @@ Archive::Outcome SqliteArchive::restore() {
   return done;
 }
 
-void SqliteArchive::follow_pass(UtcTime received) {
+void SqlArchive::follow_pass(UtcTime received) {
   auto& pass = now_.pass;
   if (!pass || received - pass->ended > pass_silence || received < pass->began)
     pass = Pass{0, received, received, 0};
@@ -286,26 +368,28 @@ void SqliteArchive::follow_pass(UtcTime received) {
   pass_changed_ = true;
 }
 
-Result<std::int64_t, std::string> SqliteArchive::add(const ReceivedPacket& received, UtcTime now) {
+Result<std::int64_t, std::string> SqlArchive::add(const ReceivedPacket& received, UtcTime now) {
   const wire::TmPacket& packet = received.packet;
   const std::int64_t time = to_utc(packet.time).ns();
   const auto structure = structure_in(packet);
   const int copy = received.vc == tm_channel::playback ? retrieved_copy : live_copy;
   const std::int64_t crc = crc32c(received.raw);
-  const auto added = write(
-      "INSERT OR IGNORE INTO packets(time, received, apid, sequence, service, subtype, structure, copies, "
-      "crc, raw, id) "
-      "VALUES(?,?,?,?,?,?,?,?,?,?,?)",
+  const auto added = insert(
+      fmt::format("INSERT INTO packets(time, received, apid, sequence, service, subtype, structure, copies, "
+                  "crc, raw, id) VALUES(?,?,?,?,?,?,?,?,?,?,{}) ON CONFLICT DO NOTHING RETURNING id",
+                  database_->is_shared() ? "nextval('packet_numbers')" : "?"),
       [&](Statement& s) {
         s.bind(1, time).bind(2, now.ns()).bind(3, std::int64_t{packet.apid});
         s.bind(4, std::int64_t{packet.sequence_count}).bind(5, std::int64_t{packet.service});
         s.bind(6, std::int64_t{packet.subtype}).bind(8, std::int64_t{copy}).bind(9, crc);
         structure ? s.bind(7, std::int64_t{*structure}) : s.bind_null(7);
-        s.bind(10, OctetView(received.raw)).bind(11, next_packet_);
+        s.bind(10, OctetView(received.raw));
+        if (next_packet_) s.bind(11, *next_packet_);
       });
   if (!added) return Err(added.error());
-  const bool is_new = database_.changes() > 0;
-  const std::int64_t id = is_new ? next_packet_++ : 0;
+  const bool is_new = added->has_value();
+  const std::int64_t id = added->value_or(0);
+  if (is_new && next_packet_) ++*next_packet_;
   follow_pass(now);
   if (copy == live_copy && packet.apid != 0) {
     const auto gap = now_.finder.on_packet(packet.apid, packet.sequence_count, time_of(time));
@@ -329,13 +413,16 @@ Result<std::int64_t, std::string> SqliteArchive::add(const ReceivedPacket& recei
   return id;
 }
 
-Archive::Outcome SqliteArchive::on_new(const ReceivedPacket& received, std::int64_t id, std::int64_t time,
-                                       const std::optional<std::uint16_t>& structure) {
+Archive::Outcome SqlArchive::on_new(const ReceivedPacket& received, std::int64_t id, std::int64_t time,
+                                    const std::optional<std::uint16_t>& structure) {
   const wire::TmPacket& packet = received.packet;
-  if (packet.service == 3 && structure && minute_of(time) >= first_minute_) {
-    const auto done = write("INSERT OR IGNORE INTO dirty(minute, structure) VALUES(?,?)", [&](Statement& s) {
-      s.bind(1, minute_of(time)).bind(2, std::int64_t{*structure});
-    });
+  if (packet.service == 3 && structure) {
+    const auto done = write(
+        "INSERT INTO dirty(minute, structure) SELECT CAST(? AS BIGINT), CAST(? AS BIGINT) "
+        "WHERE NOT EXISTS (SELECT 1 FROM pruned WHERE minute>?) ON CONFLICT DO NOTHING",
+        [&](Statement& s) {
+          s.bind(1, minute_of(time)).bind(2, std::int64_t{*structure}).bind(3, minute_of(time));
+        });
     if (!done) return done;
   }
   if (packet.service == 1) {
@@ -344,47 +431,71 @@ Archive::Outcome SqliteArchive::on_new(const ReceivedPacket& received, std::int6
   return fill_gaps(packet, time);
 }
 
+Result<std::uint16_t, std::string> SqlArchive::received_elsewhere(const Gap& gap) {
+  // A longer gap is a step of the spacecraft's clock, with all packets of the archive in between.
+  if (!database_->is_shared() || !gap.count || gap.to - gap.from > elsewhere_longest) return 0;
+  const std::int64_t slack = nanoseconds(gap_tolerance).count();
+  Where where;
+  where.is("apid=", gap.apid);
+  where.is("time>=", gap.from.ns() - slack);
+  where.is("time<=", gap.to.ns() + slack);
+  where.is("(sequence+16384-?)%16384<", gap.first);
+  where.values.push_back(*gap.count);
+  std::uint16_t found = 0;
+  const auto done =
+      each("SELECT count(DISTINCT sequence) FROM packets" + where.sql, where, [&](const Statement& row) {
+        found = static_cast<std::uint16_t>(row.integer(0));
+        return true;
+      });
+  if (!done) return Err(done.error());
+  return found;
+}
+
 /// Live telemetry may be thinned on purpose: then there is a gap every second. What follows closely on an
 /// open gap of the same process is the same one.
-Archive::Outcome SqliteArchive::add_gap(const Gap& gap) {
+Archive::Outcome SqlArchive::add_gap(const Gap& gap) {
+  const auto elsewhere = received_elsewhere(gap);
+  if (!elsewhere) return Err(elsewhere.error());
+  const std::int64_t missing = gap.count.value_or(1) - *elsewhere;
+  if (missing == 0) return {};
   if (gap.count) {
     const auto last = static_cast<std::int64_t>((gap.first + *gap.count - 1) % GapFinder::modulus);
-    const auto merged = write(
-        "UPDATE gaps SET count=(?+16384-first)%16384+1, end=?, missing=missing+? WHERE id=(SELECT max(id) "
-        "FROM gaps "
-        "WHERE state=0 AND apid=?) AND count IS NOT NULL AND attempts=0 AND ?>=begin AND ?-begin<? AND "
-        "?-end<?",
+    const auto merged = insert(
+        fmt::format("UPDATE gaps SET count=(?+16384-first)%16384+1, \"end\"=?, missing=missing+? WHERE "
+                    "id=(SELECT max(id) FROM gaps WHERE state=0 AND apid=?{}) AND count IS NOT NULL AND "
+                    "attempts=0 AND ?>=begin AND ?-begin<? AND ?-\"end\"<? RETURNING id",
+                    own_),
         [&](Statement& s) {
-          s.bind(1, last)
-              .bind(2, gap.to.ns())
-              .bind(3, std::int64_t{*gap.count})
-              .bind(4, std::int64_t{gap.apid});
+          s.bind(1, last).bind(2, gap.to.ns()).bind(3, missing).bind(4, std::int64_t{gap.apid});
           s.bind(5, gap.to.ns()).bind(6, gap.to.ns()).bind(7, nanoseconds(gap_longest).count());
           s.bind(8, gap.from.ns()).bind(9, nanoseconds(gap_distance).count());
         });
-    if (!merged || database_.changes() > 0) return merged;
+    if (!merged) return Err(merged.error());
+    if (*merged) return {};
   }
   auto added = write(
-      "INSERT INTO gaps(apid, first, count, begin, end, missing, attempts, state) VALUES(?,?,?,?,?,?,0,0)",
+      "INSERT INTO gaps(apid, first, count, begin, \"end\", missing, attempts, state) "
+      "VALUES(?,?,?,?,?,?,0,0)",
       [&](Statement& s) {
         s.bind(1, std::int64_t{gap.apid}).bind(2, std::int64_t{gap.first});
         gap.count ? s.bind(3, std::int64_t{*gap.count}) : s.bind_null(3);
-        s.bind(4, gap.from.ns()).bind(5, gap.to.ns()).bind(6, std::int64_t{gap.count.value_or(1)});
+        s.bind(4, gap.from.ns()).bind(5, gap.to.ns()).bind(6, missing);
       });
   if (!added) return added;
   return write(
-      "UPDATE gaps SET state=2 WHERE id=(SELECT id FROM gaps WHERE state=0 AND apid=? ORDER BY end DESC "
-      "LIMIT 1 OFFSET ?)",
+      fmt::format("UPDATE gaps SET state=2 WHERE id=(SELECT id FROM gaps WHERE state=0 AND apid=?{} ORDER BY "
+                  "\"end\" DESC LIMIT 1 OFFSET ?)",
+                  own_),
       [&](Statement& s) { s.bind(1, std::int64_t{gap.apid}).bind(2, std::int64_t{open_gaps_max}); });
 }
 
 /// A packet that was missing has come.
-Archive::Outcome SqliteArchive::fill_gaps(const wire::TmPacket& packet, std::int64_t time) {
+Archive::Outcome SqlArchive::fill_gaps(const wire::TmPacket& packet, std::int64_t time) {
   const std::int64_t slack = nanoseconds(gap_tolerance).count();
   return write(
       "UPDATE gaps SET missing=missing-1, state=CASE WHEN missing=1 THEN 1 ELSE 0 END WHERE state=0 AND "
       "apid=? AND "
-      "count IS NOT NULL AND (?+16384-first)%16384<count AND begin<=? AND end>=?",
+      "count IS NOT NULL AND (?+16384-first)%16384<count AND begin<=? AND \"end\">=?",
       [&](Statement& s) {
         s.bind(1, std::int64_t{packet.apid}).bind(2, std::int64_t{packet.sequence_count});
         s.bind(3, time + slack).bind(4, time - slack);
@@ -392,18 +503,17 @@ Archive::Outcome SqliteArchive::fill_gaps(const wire::TmPacket& packet, std::int
 }
 
 /// A verification report belongs to the newest telecommand with its request id.
-Archive::Outcome SqliteArchive::link_report(const wire::TmPacket& packet, std::int64_t id) {
+Archive::Outcome SqlArchive::link_report(const wire::TmPacket& packet, std::int64_t id) {
   OctetReader in(packet.source);
   const wire::RequestId request{in.u16(), in.u16()};
   if (!in.ok()) return {};
   return write(
-      "INSERT OR IGNORE INTO reports(telecommand, packet) SELECT id, ? FROM telecommands WHERE request=? "
-      "ORDER BY id "
-      "DESC LIMIT 1",
+      "INSERT INTO reports(telecommand, packet) SELECT id, CAST(? AS BIGINT) FROM telecommands WHERE "
+      "request=? ORDER BY id DESC LIMIT 1 ON CONFLICT DO NOTHING",
       [&](Statement& s) { s.bind(1, id).bind(2, number_of(request)); });
 }
 
-Archive::Outcome SqliteArchive::add(const TelecommandEntry& telecommand) {
+Archive::Outcome SqlArchive::add(const TelecommandEntry& telecommand) {
   return write(
       "INSERT INTO telecommands(token, request, sent, who, name, arguments, ad, scheduled) "
       "VALUES(?,?,?,?,?,?,?,?)",
@@ -416,7 +526,7 @@ Archive::Outcome SqliteArchive::add(const TelecommandEntry& telecommand) {
       });
 }
 
-Archive::Outcome SqliteArchive::add(const FileEntry& file) {
+Archive::Outcome SqlArchive::add(const FileEntry& file) {
   return write("INSERT INTO files(time, txn, direction, name, event, octets) VALUES(?,?,?,?,?,?)",
                [&](Statement& s) {
                  s.bind(1, file.time.ns()).bind(2, file.transaction).bind(3, file.direction);
@@ -425,35 +535,44 @@ Archive::Outcome SqliteArchive::add(const FileEntry& file) {
                });
 }
 
-Archive::Outcome SqliteArchive::write_pass() {
+Archive::Outcome SqlArchive::write_pass() {
   auto& pass = now_.pass;
   if (!pass || !std::exchange(pass_changed_, false)) return {};
   if (pass->id == 0) {
-    const auto added = write("INSERT INTO passes(began, ended, packets) VALUES(?,?,?)", [&](Statement& s) {
-      s.bind(1, pass->began.ns()).bind(2, pass->ended.ns());
-      s.bind(3, static_cast<std::int64_t>(pass->packets));
-    });
-    if (added) pass->id = database_.last_id();
-    return added;
+    const auto added =
+        insert("INSERT INTO passes(began, ended, packets) VALUES(?,?,?) RETURNING id", [&](Statement& s) {
+          s.bind(1, pass->began.ns()).bind(2, pass->ended.ns());
+          s.bind(3, static_cast<std::int64_t>(pass->packets));
+        });
+    if (!added) return Err(added.error());
+    pass->id = added->value_or(0);
+    return {};
   }
   return write("UPDATE passes SET ended=?, packets=? WHERE id=?", [&](Statement& s) {
     s.bind(1, pass->ended.ns()).bind(2, static_cast<std::int64_t>(pass->packets)).bind(3, pass->id);
   });
 }
 
-Result<bool, std::string> SqliteArchive::commit() {
+Archive::Outcome SqlArchive::write_sequence(std::uint16_t apid, const GapFinder::Last& last) {
+  const auto bind = [&](Statement& s) {
+    s.bind(1, std::int64_t{last.sequence}).bind(2, last.time.ns()).bind(3, std::int64_t{apid});
+  };
+  const auto updated =
+      insert("UPDATE sequences SET sequence=?, time=? WHERE apid=?" + own_ + " RETURNING apid", bind);
+  if (!updated) return Err(updated.error());
+  return *updated ? Outcome{} : write("INSERT INTO sequences(sequence, time, apid) VALUES(?,?,?)", bind);
+}
+
+Result<bool, std::string> SqlArchive::commit() {
+  away_.reset();
   if (!in_transaction_) return false;
   for (const std::uint16_t apid : std::exchange(changed_, {})) {
     const auto last = now_.finder.last(apid);
     if (!last) continue;
-    const auto done =
-        write("INSERT OR REPLACE INTO sequences(apid, sequence, time) VALUES(?,?,?)", [&](Statement& s) {
-          s.bind(1, std::int64_t{apid}).bind(2, std::int64_t{last->sequence}).bind(3, last->time.ns());
-        });
-    if (!done) return Err(done.error());
+    if (const auto done = write_sequence(apid, *last); !done) return Err(done.error());
   }
   if (const auto done = write_pass(); !done) return Err(done.error());
-  if (const auto committed = database_.run("COMMIT"); !committed) {
+  if (const auto committed = database_->commit(); !committed) {
     roll_back();
     return Err(text_of(committed.error()));
   }
@@ -462,29 +581,36 @@ Result<bool, std::string> SqliteArchive::commit() {
   return true;
 }
 
-Archive::Outcome SqliteArchive::forget_token(const std::string& token) {
+Archive::Outcome SqlArchive::forget_token(const std::string& token) {
   return write("UPDATE telecommands SET token = token || ' not sent ' || id WHERE token=?",
                [&](Statement& s) { s.bind(1, token); });
 }
 
-Result<std::optional<wire::RequestId>, std::string> SqliteArchive::request_of(const std::string& token) {
-  const auto statement = cached("SELECT request FROM telecommands WHERE token=?");
-  if (!statement) return Err(statement.error());
-  (*statement)->bind(1, token);
-  const auto row = (*statement)->step();
-  std::optional<wire::RequestId> found;
-  if (row && *row) found = request_id_of((*statement)->integer(0));
-  (*statement)->reset();
-  if (!row) return Err(text_of(row.error()));
-  return found;
+Result<std::optional<std::int64_t>, std::string> SqlArchive::number_of_text(const std::string& sql,
+                                                                            const std::string& text) {
+  std::optional<std::int64_t> number;
+  const auto done = each(
+      sql, [&](Statement& s) { s.bind(1, text); },
+      [&](const Statement& row) {
+        number = row.integer(0);
+        return false;
+      });
+  if (!done) return Err(done.error());
+  return number;
 }
 
-Archive::Outcome SqliteArchive::count_attempt(std::int64_t gap) {
+Result<std::optional<wire::RequestId>, std::string> SqlArchive::request_of(const std::string& token) {
+  const auto number = number_of_text("SELECT request FROM telecommands WHERE token=?", token);
+  if (!number) return Err(number.error());
+  return *number ? std::optional(request_id_of(**number)) : std::nullopt;
+}
+
+Archive::Outcome SqlArchive::count_attempt(std::int64_t gap) {
   return write("UPDATE gaps SET attempts=attempts+1 WHERE id=? AND state=0",
                [&](Statement& s) { s.bind(1, gap); });
 }
 
-Archive::Outcome SqliteArchive::close_gap(std::int64_t gap) {
+Archive::Outcome SqlArchive::close_gap(std::int64_t gap) {
   // Of a gap without count nobody knows what was missing: the retrieval is all there is to have.
   return write(
       "UPDATE gaps SET state=CASE WHEN count IS NULL OR missing=0 THEN 1 ELSE 2 END, missing=CASE WHEN count "
@@ -493,48 +619,52 @@ Archive::Outcome SqliteArchive::close_gap(std::int64_t gap) {
       [&](Statement& s) { s.bind(1, gap); });
 }
 
-Archive::Outcome SqliteArchive::give_up_gap(std::int64_t gap) {
+Archive::Outcome SqlArchive::give_up_gap(std::int64_t gap) {
   return write("UPDATE gaps SET state=2 WHERE id=? AND state=0", [&](Statement& s) { s.bind(1, gap); });
 }
 
-Result<std::optional<Archive::DirtyMinute>, std::string> SqliteArchive::dirty_minute(UtcTime before) {
+Result<std::optional<Archive::DirtyMinute>, std::string> SqlArchive::dirty_minute(UtcTime before) {
   Where where;
   where.is("minute<", minute_of(before.ns()));
   std::optional<DirtyMinute> found;
-  const auto done = each("SELECT minute, structure FROM dirty" + where.sql + " ORDER BY minute LIMIT 1",
-                         where, [&](const Statement& row) {
-                           found = DirtyMinute{static_cast<std::uint16_t>(row.integer(1)), row.integer(0)};
-                           return false;
-                         });
+  const auto look = [&] {
+    found.reset();
+    return each("SELECT minute, structure FROM dirty" + where.sql + " ORDER BY minute LIMIT 1", where,
+                [&](const Statement& row) {
+                  found = DirtyMinute{static_cast<std::uint16_t>(row.integer(1)), row.integer(0)};
+                  return false;
+                });
+  };
+  auto done = look();
+  if (done && found) {
+    done = begin();
+    if (done && database_->is_shared()) done = look();  // another server may have made it
+  }
   if (!done) return Err(done.error());
   return found;
 }
 
-Result<std::int64_t, std::string> SqliteArchive::parameter_id(const std::string& name) {
+Result<std::int64_t, std::string> SqlArchive::parameter_id(const std::string& name) {
   if (const auto known = parameters_.find(name); known != parameters_.end()) return known->second;
-  const auto added =
-      write("INSERT OR IGNORE INTO parameters(name) VALUES(?)", [&](Statement& s) { s.bind(1, name); });
+  const auto added = write("INSERT INTO parameters(name) VALUES(?) ON CONFLICT DO NOTHING",
+                           [&](Statement& s) { s.bind(1, name); });
   if (!added) return Err(added.error());
-  const auto statement = cached("SELECT id FROM parameters WHERE name=?");
-  if (!statement) return Err(statement.error());
-  (*statement)->bind(1, name);
-  const auto row = (*statement)->step();
-  const std::int64_t id = row && *row ? (*statement)->integer(0) : 0;
-  (*statement)->reset();
-  if (!row) return Err(text_of(row.error()));
-  if (id == 0) return Err(fmt::format("{}: parameter {} has no number", file_.string(), name));
-  parameters_[name] = id;
-  return id;
+  const auto id = number_of_text("SELECT id FROM parameters WHERE name=?", name);
+  if (!id) return Err(id.error());
+  if (!*id) return Err(fmt::format("{}: parameter {} has no number", place_.address, name));
+  parameters_[name] = **id;
+  return **id;
 }
 
-Archive::Outcome SqliteArchive::set_minute(const DirtyMinute& minute,
-                                           const std::map<std::string, Aggregate>& aggregates) {
+Archive::Outcome SqlArchive::set_minute(const DirtyMinute& minute,
+                                        const std::map<std::string, Aggregate>& aggregates) {
   for (const auto& [name, values] : aggregates) {
     const auto id = parameter_id(name);
     if (!id) return Err(id.error());
     const auto done = write(
-        "INSERT OR REPLACE INTO minutes(parameter, minute, count, min, mean, max, worst) "
-        "VALUES(?,?,?,?,?,?,?)",
+        "INSERT INTO minutes(parameter, minute, count, min, mean, max, worst) VALUES(?,?,?,?,?,?,?) "
+        "ON CONFLICT(parameter, minute) DO UPDATE SET count=excluded.count, min=excluded.min, "
+        "mean=excluded.mean, max=excluded.max, worst=excluded.worst",
         [&, &of = values](Statement& s) {
           s.bind(1, *id).bind(2, minute.minute).bind(3, static_cast<std::int64_t>(of.count));
           s.bind(4, of.min).bind(5, of.mean).bind(6, of.max).bind(7, static_cast<std::int64_t>(of.worst));
@@ -545,28 +675,43 @@ Archive::Outcome SqliteArchive::set_minute(const DirtyMinute& minute,
                [&](Statement& s) { s.bind(1, minute.minute).bind(2, std::int64_t{minute.structure}); });
 }
 
-Archive::Outcome SqliteArchive::forget_minutes() {
+Archive::Outcome SqlArchive::forget_minutes() {
   // Of minutes whose packets were removed there is nothing to make them of.
   std::optional<std::int64_t> oldest;
-  auto done = each("SELECT time FROM packets ORDER BY time LIMIT 1", {}, [&](const Statement& row) {
-    oldest = minute_of(row.integer(0));
-    return false;
-  });
-  if (!done || !oldest) return done;
-  const std::int64_t first = std::max(*oldest, first_minute_);
-  done = write("DELETE FROM minutes WHERE minute>=?", [&](Statement& s) { s.bind(1, first); });
+  std::int64_t newest = 0;
+  std::int64_t first = INT64_MIN;
+  auto done = each("SELECT (SELECT min(time) FROM packets), (SELECT max(time) FROM packets)", Where(),
+                   [&](const Statement& row) {
+                     if (!row.is_null(0)) oldest = minute_of(row.integer(0));
+                     newest = minute_of(row.integer(1));
+                     return true;
+                   });
   if (done)
+    done = each("SELECT minute FROM pruned", Where(), [&](const Statement& row) {
+      first = row.integer(0);
+      return true;
+    });
+  if (!done || !oldest) return done;
+  first = std::max(*oldest, first);
+  // Other writers wait for a day of it at most.
+  const std::int64_t span = database_->is_shared() ? batch_minutes : newest - first + 1;
+  for (; done && first <= newest; first += span) {
+    const std::int64_t end = first + span;
+    done = write("DELETE FROM minutes WHERE minute>=? AND minute<?",
+                 [&](Statement& s) { s.bind(1, first).bind(2, end); });
+    if (!done) return done;
     done = write(
-        "INSERT OR IGNORE INTO dirty(minute, structure) SELECT DISTINCT time/60000000000, structure FROM "
-        "packets WHERE service=3 AND structure IS NOT NULL AND time>=?",
-        [&](Statement& s) { s.bind(1, first * minute_ns); });
-  if (!done) return done;
-  if (const auto committed = commit(); !committed) return Err(committed.error());
-  return {};
+        "INSERT INTO dirty(minute, structure) SELECT DISTINCT time/60000000000, structure FROM packets "
+        "WHERE service=3 AND structure IS NOT NULL AND time>=? AND time<? ON CONFLICT DO NOTHING",
+        [&](Statement& s) { s.bind(1, first * minute_ns).bind(2, end * minute_ns); });
+    if (!done) return done;
+    if (const auto committed = commit(); !committed) return Err(committed.error());
+  }
+  return done;
 }
 
-Archive::Outcome SqliteArchive::packets(const PacketFilter& filter,
-                                        const std::function<bool(const StoredPacket&)>& take) {
+Archive::Outcome SqlArchive::packets(const PacketFilter& filter,
+                                     const std::function<bool(const StoredPacket&)>& take) {
   const Where where = where_of(filter);
   const char* const order = filter.latest_live    ? "id DESC"
                             : filter.after_id     ? "id"
@@ -574,34 +719,36 @@ Archive::Outcome SqliteArchive::packets(const PacketFilter& filter,
                                                   : "time, id";
   std::size_t left = filter.most;
   if (left == 0) return {};
-  return each(fmt::format("SELECT id, received, copies, raw FROM packets{} ORDER BY {}", where.sql, order),
-              where, [&](const Statement& row) {
-                StoredPacket stored{.id = row.integer(0),
-                                    .received = time_of(row.integer(1)),
-                                    .live = (row.integer(2) & live_copy) != 0,
-                                    .retrieved = (row.integer(2) & retrieved_copy) != 0,
-                                    .packet = {}};
-                stored.packet.vc = stored.live ? tm_channel::live : tm_channel::playback;
-                stored.packet.raw = row.octets(3);
-                auto telemetry = telemetry_in(stored.packet.raw);
-                if (!telemetry) return true;  // only what is a packet was added
-                stored.packet.packet = std::move(*telemetry);
-                return take(stored) && --left > 0;
-              });
+  const std::string most = left == SIZE_MAX ? "" : fmt::format(" LIMIT {}", left);
+  return each(
+      fmt::format("SELECT id, received, copies, raw FROM packets{} ORDER BY {}{}", where.sql, order, most),
+      where, [&](const Statement& row) {
+        StoredPacket stored{.id = row.integer(0),
+                            .received = time_of(row.integer(1)),
+                            .live = (row.integer(2) & live_copy) != 0,
+                            .retrieved = (row.integer(2) & retrieved_copy) != 0,
+                            .packet = {}};
+        stored.packet.vc = stored.live ? tm_channel::live : tm_channel::playback;
+        stored.packet.raw = row.octets(3);
+        auto telemetry = telemetry_in(stored.packet.raw);
+        if (!telemetry) return true;  // only what is a packet was added
+        stored.packet.packet = std::move(*telemetry);
+        return take(stored) && --left > 0;
+      });
 }
 
-Result<std::uint64_t, std::string> SqliteArchive::count(const PacketFilter& filter) {
+Result<std::uint64_t, std::string> SqlArchive::count(const PacketFilter& filter) {
   Where where = where_of(filter);
   if (filter.most != SIZE_MAX) {
     where.sql += " LIMIT ?";
     where.values.push_back(static_cast<std::int64_t>(filter.most));
   }
   std::uint64_t rows = 0;
-  const auto done =
-      each("SELECT count(*) FROM (SELECT 1 FROM packets" + where.sql + ")", where, [&](const Statement& row) {
-        rows = static_cast<std::uint64_t>(row.integer(0));
-        return false;
-      });
+  const auto done = each("SELECT count(*) FROM (SELECT 1 FROM packets" + where.sql + ") AS found", where,
+                         [&](const Statement& row) {
+                           rows = static_cast<std::uint64_t>(row.integer(0));
+                           return false;
+                         });
   if (!done) return Err(done.error());
   return rows;
 }
@@ -623,7 +770,7 @@ StoredTelecommand telecommand_in(const Statement& row) {
 constexpr std::string_view telecommand_columns =
     "SELECT id, token, request, sent, who, name, arguments, ad, scheduled FROM telecommands";
 
-Result<std::optional<StoredTelecommand>, std::string> SqliteArchive::telecommand_of(
+Result<std::optional<StoredTelecommand>, std::string> SqlArchive::telecommand_of(
     const wire::RequestId& request, UtcTime before) {
   Where where;
   where.is("request=", number_of(request));
@@ -638,19 +785,19 @@ Result<std::optional<StoredTelecommand>, std::string> SqliteArchive::telecommand
   return found;
 }
 
-Result<bool, std::string> SqliteArchive::acknowledge(std::int64_t packet,
-                                                     const Acknowledgement& acknowledgement) {
-  const auto done = write(
-      "INSERT OR IGNORE INTO acknowledgements(packet, time, who) SELECT id, ?, ? FROM packets WHERE id=? AND "
-      "service=5",
+Result<bool, std::string> SqlArchive::acknowledge(std::int64_t packet,
+                                                  const Acknowledgement& acknowledgement) {
+  const auto done = insert(
+      "INSERT INTO acknowledgements(packet, time, who) SELECT id, CAST(? AS BIGINT), CAST(? AS TEXT) FROM "
+      "packets WHERE id=? AND service=5 ON CONFLICT DO NOTHING RETURNING packet",
       [&](Statement& s) {
         s.bind(1, acknowledgement.time.ns()).bind(2, acknowledgement.who).bind(3, packet);
       });
   if (!done) return Err(done.error());
-  return database_.changes() > 0;
+  return done->has_value();
 }
 
-Result<std::optional<Acknowledgement>, std::string> SqliteArchive::acknowledgement_of(std::int64_t packet) {
+Result<std::optional<Acknowledgement>, std::string> SqlArchive::acknowledgement_of(std::int64_t packet) {
   Where where;
   where.is("packet=", packet);
   std::optional<Acknowledgement> found;
@@ -663,22 +810,24 @@ Result<std::optional<Acknowledgement>, std::string> SqliteArchive::acknowledgeme
   return found;
 }
 
-Result<std::int64_t, std::string> SqliteArchive::newest_packet() {
+Result<std::int64_t, std::string> SqlArchive::newest_packet() {
   std::int64_t newest = 0;
-  const auto done = each("SELECT id FROM packets ORDER BY id DESC LIMIT 1", {}, [&](const Statement& row) {
-    newest = row.integer(0);
-    return false;
-  });
+  const auto done =
+      each("SELECT id FROM packets ORDER BY id DESC LIMIT 1", Where(), [&](const Statement& row) {
+        newest = row.integer(0);
+        return false;
+      });
   if (!done) return Err(done.error());
   return newest;
 }
 
-Result<std::vector<StoredTelecommand>, std::string> SqliteArchive::telecommands(const Period& period,
-                                                                                std::size_t most) {
+Result<std::vector<StoredTelecommand>, std::string> SqlArchive::telecommands(const Period& period,
+                                                                             std::size_t most) {
   Where where;
   where.in("sent", period);
   std::vector<StoredTelecommand> found;
-  auto done = each(std::string(telecommand_columns) + where.sql + " ORDER BY id DESC", where,
+  const std::string limit = most == SIZE_MAX ? "" : fmt::format(" LIMIT {}", most);
+  auto done = each(std::string(telecommand_columns) + where.sql + " ORDER BY id DESC" + limit, where,
                    [&](const Statement& row) {
                      found.push_back(telecommand_in(row));
                      return found.size() < most;
@@ -702,20 +851,14 @@ Result<std::vector<StoredTelecommand>, std::string> SqliteArchive::telecommands(
   return found;
 }
 
-Result<std::vector<Point>, std::string> SqliteArchive::minutes(const std::string& parameter,
-                                                               const Period& period) {
-  const auto statement = cached("SELECT id FROM parameters WHERE name=?");
-  if (!statement) return Err(statement.error());
-  (*statement)->bind(1, parameter);
-  const auto row = (*statement)->step();
-  const bool known = row && *row;
-  const std::int64_t id = known ? (*statement)->integer(0) : 0;
-  (*statement)->reset();
-  if (!row) return Err(text_of(row.error()));
+Result<std::vector<Point>, std::string> SqlArchive::minutes(const std::string& parameter,
+                                                            const Period& period) {
+  const auto id = number_of_text("SELECT id FROM parameters WHERE name=?", parameter);
+  if (!id) return Err(id.error());
   std::vector<Point> points;
-  if (!known) return points;
+  if (!*id) return points;
   Where where;
-  where.is("parameter=", id);
+  where.is("parameter=", **id);
   if (period.from) where.is("minute>=", minute_of(period.from->ns()));
   if (period.to) where.is("minute<", minute_of(period.to->ns() + minute_ns - 1));
   const auto done =
@@ -733,8 +876,8 @@ Result<std::vector<Point>, std::string> SqliteArchive::minutes(const std::string
   return points;
 }
 
-Result<std::vector<std::int64_t>, std::string> SqliteArchive::dirty_minutes(std::uint16_t structure,
-                                                                            const Period& period) {
+Result<std::vector<std::int64_t>, std::string> SqlArchive::dirty_minutes(std::uint16_t structure,
+                                                                         const Period& period) {
   Where where;
   where.is("structure=", structure);
   if (period.from) where.is("minute>=", minute_of(period.from->ns()));
@@ -749,13 +892,13 @@ Result<std::vector<std::int64_t>, std::string> SqliteArchive::dirty_minutes(std:
   return found;
 }
 
-Result<std::vector<StoredGap>, std::string> SqliteArchive::gaps(const Period& period, bool open_alone) {
+Result<std::vector<StoredGap>, std::string> SqlArchive::gaps(const Period& period, bool open_alone) {
   Where where;
-  if (period.from) where.is("end>=", period.from->ns());
+  if (period.from) where.is("\"end\">=", period.from->ns());
   if (period.to) where.is("begin<", period.to->ns());
   if (open_alone) where.is("state=", 0);
   std::vector<StoredGap> found;
-  const auto done = each("SELECT id, apid, first, count, begin, end, missing, attempts, state FROM gaps" +
+  const auto done = each("SELECT id, apid, first, count, begin, \"end\", missing, attempts, state FROM gaps" +
                              where.sql + " ORDER BY begin, id",
                          where, [&](const Statement& row) {
                            StoredGap stored;
@@ -776,7 +919,7 @@ Result<std::vector<StoredGap>, std::string> SqliteArchive::gaps(const Period& pe
   return found;
 }
 
-Result<std::vector<Pass>, std::string> SqliteArchive::passes(const Period& period) {
+Result<std::vector<Pass>, std::string> SqlArchive::passes(const Period& period) {
   Where where;
   if (period.from) where.is("ended>=", period.from->ns());
   if (period.to) where.is("began<", period.to->ns());
@@ -791,7 +934,7 @@ Result<std::vector<Pass>, std::string> SqliteArchive::passes(const Period& perio
   return found;
 }
 
-Result<std::vector<FileEntry>, std::string> SqliteArchive::files(const Period& period) {
+Result<std::vector<FileEntry>, std::string> SqlArchive::files(const Period& period) {
   Where where;
   where.in("time", period);
   std::vector<FileEntry> found;
@@ -808,16 +951,15 @@ Result<std::vector<FileEntry>, std::string> SqliteArchive::files(const Period& p
   return found;
 }
 
-Result<std::vector<std::string>, std::string> SqliteArchive::check() {
+Result<std::vector<std::string>, std::string> SqlArchive::check() {
   std::vector<std::string> wrong;
-  const auto done = each("PRAGMA integrity_check(20)", {}, [&](const Statement& row) {
-    if (row.text(0) != "ok") wrong.push_back(row.text(0));
-    return true;
-  });
-  if (!done) wrong.push_back(done.error());
+  if (auto damage = database_->damage())
+    wrong = std::move(*damage);
+  else
+    wrong.push_back(text_of(damage.error()));
   if (!wrong.empty()) return wrong;
-  // SQLite does not see a changed octet of a row; the check of each packet does.
-  const auto packets_read = each("SELECT id, crc, raw FROM packets", {}, [&](const Statement& row) {
+  // A database does not see a changed octet of a row; the check of each packet does.
+  const auto packets_read = each("SELECT id, crc, raw FROM packets", Where(), [&](const Statement& row) {
     if (row.integer(1) != std::int64_t{crc32c(row.octets(2))})
       wrong.push_back(fmt::format("packet {}: its octets have changed", row.integer(0)));
     constexpr std::size_t told_max = 20;
@@ -827,54 +969,80 @@ Result<std::vector<std::string>, std::string> SqliteArchive::check() {
   return wrong;
 }
 
-Result<std::uint64_t, std::string> SqliteArchive::prune(const std::string& table, UtcTime before) {
-  static const std::map<std::string, std::string> columns{{"packets", "time"}, {"telecommands", "sent"},
-                                                          {"files", "time"},   {"passes", "ended"},
-                                                          {"gaps", "end"},     {"minutes", "minute"}};
-  const auto column = columns.find(table);
-  if (column == columns.end())
+Result<std::uint64_t, std::string> SqlArchive::prune(const std::string& table, UtcTime before) {
+  struct Removed {
+    const char* column;
+    const char* key;
+  };
+  static const std::map<std::string, Removed> columns{
+      {"packets", {"time", "id"}}, {"telecommands", {"sent", "id"}},
+      {"files", {"time", "id"}},   {"passes", {"ended", "id"}},
+      {"gaps", {"\"end\"", "id"}}, {"minutes", {"minute", "parameter, minute"}}};
+  const auto found = columns.find(table);
+  if (found == columns.end())
     return Err(fmt::format("'{}': expected packets, telecommands, files, passes, gaps or minutes", table));
+  const auto& [column, key] = found->second;
   const std::int64_t limit = table == "minutes" ? minute_of(before.ns()) : before.ns();
-  const char* const newest = table == "packets" ? " AND id<(SELECT max(id) FROM packets)" : "";
-  const auto done = write(fmt::format("DELETE FROM {} WHERE {}<?{}", table, column->second, newest),
-                          [&](Statement& s) { s.bind(1, limit); });
-  if (!done) return Err(done.error());
-  const auto rows = static_cast<std::uint64_t>(database_.changes());
-  const std::int64_t first =
-      table == "packets" ? std::max(first_minute_, minute_of(limit + minute_ns - 1)) : first_minute_;
-  if (first != first_minute_) {
-    const auto bind = [&](Statement& s) { s.bind(1, first); };
-    auto kept = write("INSERT OR REPLACE INTO pruned(one, minute) VALUES(1,?)", bind);
-    if (kept) kept = write("DELETE FROM dirty WHERE minute<?", bind);
-    if (!kept) return Err(kept.error());
+  const bool of_packets = table == "packets";
+  if (of_packets) {
+    if (const auto kept = keep_minutes_before(minute_of(limit + minute_ns - 1)); !kept)
+      return Err(kept.error());
   }
-  if (table == "packets" || table == "telecommands") {
+  const std::int64_t batch = database_->is_shared() ? batch_rows : INT64_MAX;
+  std::uint64_t rows = 0;
+  while (true) {
+    const auto done =
+        write(fmt::format("DELETE FROM {0} WHERE ({1}) IN (SELECT {1} FROM {0} WHERE {2}<?{3} LIMIT ?)",
+                          table, key, column, of_packets ? " AND id<(SELECT max(id) FROM packets)" : ""),
+              [&](Statement& s) { s.bind(1, limit).bind(2, batch); });
+    if (!done) return Err(done.error());
+    const std::int64_t removed = database_->changes();
+    rows += static_cast<std::uint64_t>(removed);
+    if (removed < batch) break;
+    if (const auto committed = commit(); !committed) return Err(committed.error());
+  }
+  if (of_packets || table == "telecommands") {
     const auto orphans = write(
-        "DELETE FROM reports WHERE telecommand NOT IN (SELECT id FROM telecommands) OR packet NOT IN (SELECT "
-        "id FROM "
-        "packets)",
+        "DELETE FROM reports WHERE NOT EXISTS (SELECT 1 FROM telecommands WHERE id=telecommand) OR NOT "
+        "EXISTS "
+        "(SELECT 1 FROM packets WHERE id=packet)",
         [](Statement&) {});
     if (!orphans) return Err(orphans.error());
   }
   if (const auto committed = commit(); !committed) return Err(committed.error());
-  first_minute_ = first;
   return rows;
 }
 
-/// Brings the schema up to date. The error is ready to print.
-Archive::Outcome migrate(Database& database, ArchiveUse use) {
+/// Packets of these minutes are removed: their aggregates stay as they are.
+Archive::Outcome SqlArchive::keep_minutes_before(std::int64_t minute) {
+  const auto bind = [&](Statement& s) { s.bind(1, minute); };
+  const auto kept = write(
+      "INSERT INTO pruned(one, minute) VALUES(1,?) ON CONFLICT(one) DO UPDATE SET minute=excluded.minute "
+      "WHERE "
+      "pruned.minute<excluded.minute",
+      bind);
+  return kept ? write("DELETE FROM dirty WHERE minute<?", bind) : kept;
+}
+
+/// Whether steps are to be done. The error is ready to print.
+Result<bool, std::string> is_older(std::int64_t version, std::int64_t newest, ArchiveUse use) {
+  if (version > newest)
+    return Err(fmt::format("written by a newer srfs-ground (schema {}, this one knows {}): use that one",
+                           version, newest));
+  if (version < newest && use == ArchiveUse::read)
+    return Err(fmt::format("of schema {}, not {}: srfs-ground serve brings it up to date", version, newest));
+  return version < newest;
+}
+
+/// Brings the schema of a file up to date. The error is ready to print.
+Archive::Outcome migrate_sqlite(Database& database, ArchiveUse use) {
   const auto version = database.number("PRAGMA user_version");
   if (!version) return Err(version.error().message);
   const auto id = database.number("PRAGMA application_id");
   if (!id) return Err(id.error().message);
   if (*version != 0 && *id != application_id) return Err(std::string("not an archive of srfs-ground"));
-  if (*version > archive_schema)
-    return Err(fmt::format("written by a newer srfs-ground (schema {}, this one knows {}): use that one",
-                           *version, archive_schema));
-  if (*version == archive_schema) return {};
-  if (use == ArchiveUse::read)
-    return Err(fmt::format("of schema {}, not {}: srfs-ground serve brings it up to date", *version,
-                           archive_schema));
+  const auto older = is_older(*version, archive_schema, use);
+  if (!older) return Err(older.error());
   for (auto step = static_cast<std::size_t>(*version); step < archive_steps.size(); ++step) {
     const auto done =
         database.run(fmt::format("BEGIN IMMEDIATE;{};PRAGMA user_version={};PRAGMA application_id={};COMMIT",
@@ -882,6 +1050,31 @@ Archive::Outcome migrate(Database& database, ArchiveUse use) {
     if (!done) return Err(done.error().message);
   }
   return {};
+}
+
+/// Likewise of a PostgreSQL, in the transaction that is open. @param schema  that of the spacecraft
+Archive::Outcome migrate_postgresql(Database& database, const std::string& schema, ArchiveUse use) {
+  const auto there = database.number(fmt::format(
+      "SELECT count(*) FROM pg_tables WHERE schemaname='{}' AND tablename='archive_version'", schema));
+  if (!there) return Err(there.error().message);
+  const auto version = *there == 0 ? 0 : database.number("SELECT version FROM archive_version");
+  if (!version) return Err(version.error().message);
+  if (*there == 0 && use == ArchiveUse::read)
+    return Err(
+        fmt::format("there is no archive of this spacecraft ({}); srfs-ground serve makes it", schema));
+  const auto older = is_older(*version, std::int64_t{postgresql_steps.size()}, use);
+  if (!older) return Err(older.error());
+  if (!*older) return {};
+  std::string sql;
+  const auto has_schema =
+      database.number(fmt::format("SELECT count(*) FROM pg_namespace WHERE nspname='{}'", schema));
+  if (!has_schema) return Err(has_schema.error().message);
+  if (*has_schema == 0) sql += fmt::format("CREATE SCHEMA {};", schema);
+  for (auto step = static_cast<std::size_t>(*version); step < postgresql_steps.size(); ++step)
+    sql += postgresql_steps.at(step);
+  sql += fmt::format("UPDATE archive_version SET version={}", postgresql_steps.size());
+  const auto done = database.run(sql);
+  return done ? Archive::Outcome{} : Err(done.error().message);
 }
 
 }  // namespace
@@ -907,8 +1100,10 @@ std::filesystem::path repaired_of(std::filesystem::path file) {
 
 }  // namespace
 
-Result<std::unique_ptr<Archive>, std::string> open_archive(const std::filesystem::path& file,
-                                                           ArchiveUse use) {
+namespace {
+
+Result<std::unique_ptr<Archive>, std::string> open_sqlite(const ArchivePlace& place, ArchiveUse use) {
+  const std::filesystem::path file = place.address;
   std::error_code error;
   const bool there = std::filesystem::exists(file, error);
   if (!there && std::filesystem::exists(repaired_of(file), error))
@@ -917,24 +1112,82 @@ Result<std::unique_ptr<Archive>, std::string> open_archive(const std::filesystem
   if (use == ArchiveUse::read && !there)
     return Err(fmt::format("{}: there is no archive; srfs-ground serve makes it", file.string()));
   std::filesystem::create_directories(file.parent_path(), error);
-  auto database = Database::open(file, use == ArchiveUse::write ? Database::Use::write : Database::Use::read);
+  const auto access = use == ArchiveUse::read ? SqliteDatabase::Use::read : SqliteDatabase::Use::write;
+  auto database = SqliteDatabase::open(file, access);
   if (!database) return Err(database.error().message);
-  if (use == ArchiveUse::write) {
+  if (use != ArchiveUse::read) {
     std::filesystem::permissions(
         file, std::filesystem::perms::owner_read | std::filesystem::perms::owner_write, error);
     // NORMAL: a process may be killed anywhere; a power failure may cost the last transactions, never the
     // file.
     const auto set =
-        database->run("PRAGMA journal_mode=WAL;PRAGMA synchronous=NORMAL;PRAGMA cache_size=-8000");
+        (*database)->run("PRAGMA journal_mode=WAL;PRAGMA synchronous=NORMAL;PRAGMA cache_size=-8000");
     if (!set)
       return Err(fmt::format("{}: {}; see srfs-ground archive repair", file.string(), set.error().message));
   }
-  if (const auto migrated = migrate(*database, use); !migrated)
+  if (const auto migrated = migrate_sqlite(**database, use); !migrated)
     return Err(fmt::format("{}: {}", file.string(), migrated.error()));
-  if (use == ArchiveUse::write) database->set_patience(writing_patience);
-  auto archive = std::make_unique<SqliteArchive>(file, std::move(*database));
+  if (use != ArchiveUse::read) (*database)->set_patience(writing_patience);
+  auto archive = std::make_unique<SqlArchive>(place, std::move(*database), nullptr);
   if (const auto restored = archive->restore(); !restored) return Err(restored.error());
   return archive;
+}
+
+/// What the station's loop waits for at most is a transaction's patience, and that of ending it. A program
+/// that keeps the lock loses its connection.
+PostgresqlDatabase::Settings settings_of(const ArchivePlace& place, ArchiveUse use) {
+  constexpr int spacecraft_locks = 0x53524653;  // "SRFS"
+  const bool station = use == ArchiveUse::write;
+  PostgresqlDatabase::Settings settings;
+  settings.address = place.address;
+  settings.patience = command_patience;
+  settings.connecting = connecting_patience;
+  settings.prepare = fmt::format(
+      "SET search_path=srfs_{}; SET srfs.station={}; SET lock_timeout={}; SET statement_timeout={}; "
+      "SET idle_in_transaction_session_timeout={}",
+      place.spacecraft, place.station, milliseconds(station ? lock_patience : command_patience).count(),
+      milliseconds(command_patience).count(), milliseconds(lock_kept_longest).count());
+  if (use == ArchiveUse::read) settings.prepare += "; SET default_transaction_read_only=on";
+  settings.lock = fmt::format("SELECT pg_advisory_xact_lock({},{})", spacecraft_locks, place.spacecraft);
+  return settings;
+}
+
+Result<std::unique_ptr<Archive>, std::string> open_postgresql(const ArchivePlace& place, ArchiveUse use) {
+  if (const auto wrong = wrong_postgresql(place.address)) return Err(*wrong);
+  auto database = std::make_unique<PostgresqlDatabase>(settings_of(place, use));
+  const auto migrate = [use, schema = fmt::format("srfs_{}", place.spacecraft)](Database& of) {
+    return migrate_postgresql(of, schema, use);
+  };
+  const auto connected = database->connect(connecting_patience);
+  if (!connected && use != ArchiveUse::write)
+    return Err(fmt::format("{}: {}", place.address, connected.error().message));
+  if (use == ArchiveUse::read) {
+    if (const auto current = migrate(*database); !current)
+      return Err(fmt::format("{}: {}", place.address, current.error()));
+  }
+  PostgresqlDatabase& opened = *database;
+  auto archive = std::make_unique<SqlArchive>(place, std::move(database), migrate);
+  if (use == ArchiveUse::read) {
+    archive->read();
+  } else if (connected) {
+    if (const auto taken = archive->take_up(); !taken) return Err(taken.error());
+  }
+  if (use == ArchiveUse::write) opened.set_patience(place.patience, place.patience / 5);
+  return archive;
+}
+
+}  // namespace
+
+bool is_shared(const ArchivePlace& place) {
+  return is_postgresql(place.address);
+}
+
+std::optional<std::string> wrong_address(const ArchivePlace& place) {
+  return is_shared(place) ? wrong_postgresql(place.address) : std::nullopt;
+}
+
+Result<std::unique_ptr<Archive>, std::string> open_archive(const ArchivePlace& place, ArchiveUse use) {
+  return is_shared(place) ? open_postgresql(place, use) : open_sqlite(place, use);
 }
 
 namespace {
@@ -1009,15 +1262,16 @@ Result<Copied, std::string> copy_table(Database& into, const Table& table) {
 Archive::Outcome copy_readable(const std::filesystem::path& file, const std::filesystem::path& fresh,
                                Repaired& repaired) {
   if (const auto made = open_archive(fresh, ArchiveUse::write); !made) return Err(made.error());
-  auto into = Database::open(fresh, Database::Use::write);
-  if (!into) return Err(into.error().message);
-  auto attach = into->prepare("ATTACH DATABASE ? AS damaged");
+  const auto opened = SqliteDatabase::open(fresh, SqliteDatabase::Use::write);
+  if (!opened) return Err(opened.error().message);
+  SqliteDatabase& into = **opened;
+  const auto attach = into.prepare("ATTACH DATABASE ? AS damaged");
   if (!attach) return Err(attach.error().message);
-  attach->bind(1, file.string());
-  if (const auto attached = attach->run(); !attached) return Err(attached.error().message);
+  (*attach)->bind(1, file.string());
+  if (const auto attached = (*attach)->run(); !attached) return Err(attached.error().message);
   bool remake = false;  // the aggregates of all packets that are here
   for (const Table& table : tables) {
-    const auto copied = copy_table(*into, table);
+    const auto copied = copy_table(into, table);
     if (!copied) return Err(copied.error());
     if (&table == &tables.front() && copied->rows == 0 && !copied->complete)
       return Err(std::string("no packet can be read"));
@@ -1029,13 +1283,13 @@ Archive::Outcome copy_readable(const std::filesystem::path& file, const std::fil
     if (of_aggregates && (copied->lost > 0 || !copied->complete)) remake = true;
   }
   // The number of a lost name will be another's.
-  auto done = into->run("DELETE FROM minutes WHERE parameter NOT IN (SELECT id FROM parameters)");
+  auto done = into.run("DELETE FROM minutes WHERE parameter NOT IN (SELECT id FROM parameters)");
   if (done && remake)
-    done = into->run(
+    done = into.run(
         "INSERT OR IGNORE INTO dirty(minute, structure) SELECT DISTINCT time/60000000000, structure FROM "
         "packets WHERE service=3 AND structure IS NOT NULL AND time/60000000000>=coalesce((SELECT minute "
         "FROM pruned), (SELECT min(time)/60000000000 FROM packets))");
-  if (done) done = into->run("PRAGMA main.wal_checkpoint(TRUNCATE)");
+  if (done) done = into.run("PRAGMA main.wal_checkpoint(TRUNCATE)");
   if (!done) return Err(done.error().message);
   return {};
 }

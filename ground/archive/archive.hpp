@@ -9,6 +9,7 @@
 #include <optional>
 #include <string>
 #include <string_view>
+#include <utility>
 #include <vector>
 
 #include "base/octets.hpp"
@@ -111,8 +112,9 @@ struct PacketFilter {
   std::size_t most = SIZE_MAX;
 };
 
-/// The station's memory. One process writes, many read. Raw packets are the truth; everything that a
-/// dictionary explains is made of them. The errors are ready to print.
+/// The memory of a station, or of all stations of a spacecraft. Raw packets are the truth; everything that a
+/// dictionary explains is made of them. One object is of one thread, and inside of a callback it is not used.
+/// The errors are ready to print.
 class Archive {
  public:
   using Outcome = Result<void, std::string>;
@@ -150,7 +152,8 @@ class Archive {
     std::uint16_t structure = 0;
     std::int64_t minute = 0;  ///< since 1970
   };
-  /// The oldest minute whose aggregates are not made yet, and that began before @p before.
+  /// The oldest minute whose aggregates are not made yet, and that began before @p before. When there is one,
+  /// nobody else makes it and no packet of it comes until the commit.
   [[nodiscard]] virtual Result<std::optional<DirtyMinute>, std::string> dirty_minute(UtcTime before) = 0;
   [[nodiscard]] virtual Outcome set_minute(const DirtyMinute& minute,
                                            const std::map<std::string, Aggregate>& aggregates) = 0;
@@ -192,11 +195,38 @@ class Archive {
 };
 
 inline constexpr std::string_view archive_name = "archive.sqlite";  ///< in STATE
-inline constexpr std::int64_t archive_schema = 3;
+inline constexpr std::int64_t archive_schema = 3;                   ///< of an SQLite file
 
-enum class ArchiveUse : std::uint8_t { read, write };
-/// Opens or makes an archive in an SQLite file, and brings an older one up to date.
-[[nodiscard]] Result<std::unique_ptr<Archive>, std::string> open_archive(const std::filesystem::path& file,
+/// Where an archive is, and for whom.
+struct ArchivePlace {
+  ArchivePlace() = default;
+  /// An SQLite file.
+  ArchivePlace(const std::filesystem::path& file)
+      : address(file.string()) {}  // NOLINT(google-explicit-constructor)
+  /// @param address_given  postgresql://...: an archive for each spacecraft, that its stations share
+  ArchivePlace(std::string address_given, int spacecraft_id, unsigned station_number)
+      : address(std::move(address_given)), spacecraft(spacecraft_id), station(station_number) {}
+
+  std::string address;
+  int spacecraft = 0;    ///< its identifier, of a PostgreSQL
+  unsigned station = 0;  ///< that writes, of a PostgreSQL
+  /// Of a station, for a transaction in a PostgreSQL; a fifth of it for a new connection.
+  milliseconds patience{1000};
+};
+/// Whether it is a PostgreSQL, which several programs write.
+[[nodiscard]] bool is_shared(const ArchivePlace& place);
+/// Why its address cannot be used, whether the archive is there or not; nullopt: it can. Ready to print, and
+/// without a password that may be in it.
+[[nodiscard]] std::optional<std::string> wrong_address(const ArchivePlace& place);
+
+enum class ArchiveUse : std::uint8_t {
+  read,
+  write,  ///< by a station, whose loop waits for it
+  care    ///< by a command
+};
+/// Opens or makes an archive, and brings an older one up to date. A PostgreSQL that is away when a station
+/// opens it is tried again whenever something is recorded.
+[[nodiscard]] Result<std::unique_ptr<Archive>, std::string> open_archive(const ArchivePlace& place,
                                                                          ArchiveUse use);
 
 struct Repaired {
@@ -209,7 +239,8 @@ struct Repaired {
 };
 /// Copies all rows that can be read into a new file, which takes the place of the damaged one. May be ended
 /// anywhere: the damaged file is in its place, or the next repair completes this one. After any error that is
-/// not damage (disk full), or when no packet can be read, the damaged file is in its place.
+/// not damage (disk full), or when no packet can be read, the damaged file is in its place. Of an SQLite
+/// file.
 [[nodiscard]] Result<Repaired, std::string> repair_archive(const std::filesystem::path& file);
 
 }  // namespace srfs::ground

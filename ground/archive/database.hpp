@@ -3,82 +3,81 @@
 #pragma once
 
 #include <cstdint>
-#include <filesystem>
 #include <memory>
-#include <optional>
 #include <string>
 #include <string_view>
+#include <vector>
 
 #include "base/octets.hpp"
 #include "base/result.hpp"
-#include "base/time.hpp"
-
-struct sqlite3;
-struct sqlite3_stmt;
 
 namespace srfs::ground {
 
 struct DatabaseError {
-  int code = 0;         ///< of SQLite
+  int code = 0;         ///< of SQLite; 0: another database's
   std::string message;  ///< ready to print
 };
 
-/// One prepared statement. Bind, step, read columns; reset() to use it again.
+/// One prepared statement. Bind, step, read columns; reset() to use it again. Its SQL is what SQLite and
+/// PostgreSQL both understand, with ? for each value.
 class Statement {
  public:
-  Statement(sqlite3* database, sqlite3_stmt* statement) : database_(database), statement_(statement) {}
-  Statement(Statement&& other) noexcept;
-  Statement& operator=(Statement&&) = delete;
+  Statement() = default;
+  virtual ~Statement() = default;
   Statement(const Statement&) = delete;
   Statement& operator=(const Statement&) = delete;
-  ~Statement();
 
-  Statement& bind(int place, std::int64_t value);
-  Statement& bind(int place, double value);
-  Statement& bind(int place, std::string_view text);
-  Statement& bind(int place, OctetView octets);
-  Statement& bind_null(int place);
+  /// @param place  of the value, from 1
+  virtual Statement& bind(int place, std::int64_t value) = 0;
+  virtual Statement& bind(int place, double value) = 0;
+  virtual Statement& bind(int place, std::string_view text) = 0;
+  virtual Statement& bind(int place, OctetView octets) = 0;
+  virtual Statement& bind_null(int place) = 0;
   /// @return whether there is a row
-  [[nodiscard]] Result<bool, DatabaseError> step();
-  /// One without rows, then reset.
+  [[nodiscard]] virtual Result<bool, DatabaseError> step() = 0;
+  virtual void reset() = 0;
+
+  /// @param column  of the row, from 0
+  [[nodiscard]] virtual std::int64_t integer(int column) const = 0;
+  [[nodiscard]] virtual double real(int column) const = 0;
+  [[nodiscard]] virtual std::string text(int column) const = 0;
+  [[nodiscard]] virtual Octets octets(int column) const = 0;
+  [[nodiscard]] virtual bool is_null(int column) const = 0;
+
+  /// One whose rows do not matter, then reset.
   [[nodiscard]] Result<void, DatabaseError> run();
-  void reset();
-
-  [[nodiscard]] std::int64_t integer(int column) const;
-  [[nodiscard]] double real(int column) const;
-  [[nodiscard]] std::string text(int column) const;
-  [[nodiscard]] Octets octets(int column) const;
-  [[nodiscard]] bool is_null(int column) const;
-
- private:
-  sqlite3* database_;
-  sqlite3_stmt* statement_;
 };
 
-/// One SQLite file. Errors are values.
+/// A connection to a database. Of one thread; while a statement has rows left, no other one is used. Errors
+/// are values.
 class Database {
  public:
-  enum class Use : std::uint8_t { read, write };
-  /// @param use  write: the file is made if it is not there
-  [[nodiscard]] static Result<Database, DatabaseError> open(const std::filesystem::path& file, Use use);
+  Database() = default;
+  virtual ~Database() = default;
+  Database(const Database&) = delete;
+  Database& operator=(const Database&) = delete;
 
-  /// How long a statement waits for another process that has the file.
-  void set_patience(milliseconds patience);
-  /// Statements without parameters and rows.
-  [[nodiscard]] Result<void, DatabaseError> run(const std::string& sql);
-  [[nodiscard]] Result<Statement, DatabaseError> prepare(std::string_view sql);
-  /// The only column of the only row.
-  [[nodiscard]] Result<std::int64_t, DatabaseError> number(std::string_view sql);
+  /// Statements without values and rows.
+  [[nodiscard]] virtual Result<void, DatabaseError> run(const std::string& sql) = 0;
+  [[nodiscard]] virtual Result<std::unique_ptr<Statement>, DatabaseError> prepare(std::string_view sql) = 0;
   /// Rows that the last statement changed or inserted.
-  [[nodiscard]] int changes() const;
-  [[nodiscard]] std::int64_t last_id() const;
+  [[nodiscard]] virtual std::int64_t changes() const = 0;
 
- private:
-  struct Close {
-    void operator()(sqlite3* database) const;
-  };
-  explicit Database(sqlite3* database) : database_(database) {}
-  std::unique_ptr<sqlite3, Close> database_;
+  /// Until commit() or roll_back(), nobody else writes.
+  [[nodiscard]] virtual Result<void, DatabaseError> begin() = 0;
+  /// An error: what was written since begin() is lost, or the connection was, and nobody knows.
+  [[nodiscard]] virtual Result<void, DatabaseError> commit() = 0;
+  virtual void roll_back() = 0;
+
+  /// Which connection this is: another one after the first was lost.
+  [[nodiscard]] virtual int connection() const = 0;
+  /// Other programs write, too, between the transactions of this one.
+  [[nodiscard]] virtual bool is_shared() const = 0;
+  /// Damage that it finds itself, a line each.
+  [[nodiscard]] virtual Result<std::vector<std::string>, DatabaseError> damage() = 0;
+
+  /// The only column of the only row; 0: no row.
+  [[nodiscard]] Result<std::int64_t, DatabaseError> number(std::string_view sql);
 };
 
 }  // namespace srfs::ground

@@ -149,11 +149,15 @@ bool Recorder::make_minute(UtcTime now) {
   if (minute_failed_ && now >= *minute_failed_ && now - *minute_failed_ < minute) return false;
   minute_failed_.reset();
   const auto dirty = archive_->dirty_minute(now - minute);
-  if (!dirty || !*dirty) return false;
+  if (!dirty || !*dirty) {
+    static_cast<void>(archive_->commit());  // others write on
+    return false;
+  }
   auto aggregates = aggregates_of(*archive_, dictionary_, **dirty);
   if (!aggregates) {
     report_unreadable(aggregates.error());
     minute_failed_ = now;
+    judge(commit_all());
     return false;
   }
   auto outcome = archive_->set_minute(**dirty, *aggregates);

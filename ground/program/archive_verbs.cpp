@@ -20,7 +20,7 @@ namespace verbs {
 /// What the verbs about the archive share. The error is ready to print.
 Result<ArchiveCommand, std::string> archive_command(const Operation& operation) {
   const Arguments& a = operation.arguments;
-  ArchiveCommand command{.file = operation.state_dir / archive_name,
+  ArchiveCommand command{.place = archive_place(operation),
                          .form = a.csv    ? RowForm::csv
                                  : a.json ? RowForm::json
                                           : RowForm::lines,
@@ -87,8 +87,8 @@ Exit archive(const Operation& operation) {
     if (a.table.empty() || !command->period.to)
       return fail(a, "archive prune: --table and --to are needed, for example --table packets --to 90d");
   }
-  // One process writes: the server would have to wait.
-  const auto lock = lock_state(operation.state_dir);
+  // One process writes a file: the server would have to wait.
+  const auto lock = is_shared(command->place) ? Result<Fd, std::string>() : lock_state(operation.state_dir);
   if (!lock) return fail(a, lock.error());
   if (a.action == "rebuild") return rebuild(*command);
   return a.action == "prune" ? prune(*command) : repair(*command);

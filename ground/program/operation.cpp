@@ -9,6 +9,7 @@
 #include <fmt/format.h>
 #include <unistd.h>
 
+#include "base/file.hpp"
 #include "base/version.hpp"
 #include "ground/dictionary_cache.hpp"
 #include "ground/files.hpp"
@@ -103,6 +104,33 @@ Exit operate(Arguments& a, Verb verb) {
 
 suite::LinkSettings link_of(const Arguments& a) {
   return deployment_of(a).link;
+}
+
+namespace {
+
+/// In STATE: the address that the last server had, if it was not the file there.
+constexpr std::string_view archive_address_name = "archive.address";
+
+}  // namespace
+
+ArchivePlace archive_place(const Operation& operation) {
+  const Arguments& a = operation.arguments;
+  std::string address = a.archive;
+  if (address.empty()) address = read_file(operation.state_dir / archive_address_name).value_or("");
+  while (address.ends_with('\n')) address.pop_back();
+  if (address.empty()) return operation.state_dir / archive_name;
+  const ArchivePlace place(address, 0, a.station);
+  // Files need no deployment.
+  return is_shared(place) ? ArchivePlace(address, link_of(a).spacecraft_id, a.station) : place;
+}
+
+Archive::Outcome remember_archive(const Operation& operation) {
+  const auto file = operation.state_dir / archive_address_name;
+  std::string address = operation.arguments.archive;
+  if (!address.empty() && !is_shared(ArchivePlace(address, 0, 0)))
+    address = std::filesystem::absolute(address).string();
+  const auto done = address.empty() ? remove_durably(file) : write_file_atomically(file, address + "\n");
+  return done ? Archive::Outcome{} : Err(done.error().message);
 }
 
 wire::FopSettings fop_settings(const Arguments& a) {
@@ -259,6 +287,10 @@ void define_run(CLI::App& app, Arguments& a) {
       ->envname("SRFS_STATION")
       ->check(CLI::Range(0, 255))
       ->capture_default_str();
+  app.add_option("--archive", a.archive,
+                 "Archive: a file, or postgresql://[USER@]HOST[:PORT]/DATABASE, which several stations share "
+                 "(default: that of the last server, else STATE/archive.sqlite)")
+      ->envname("SRFS_ARCHIVE");
   app.add_option("--counters-from", a.counters_from,
                  "Security counters go on from this UTC time: for a spacecraft whose clock is ahead, which "
                  "takes telecommands for too old (strict link)");

@@ -11,6 +11,7 @@
 #include <CLI/CLI.hpp>
 
 #include "ground/api/web_gateway.hpp"
+#include "ground/archive/archive.hpp"
 #include "ground/console.hpp"
 #include "ground/direct_link.hpp"
 #include "ground/program/package_arguments.hpp"
@@ -43,6 +44,7 @@ struct Arguments {
   double t1_s = std::chrono::duration<double>(wire::FopSettings{}.timer).count();
   unsigned transmissions = wire::FopSettings{}.transmission_limit;
   unsigned station = 0;
+  std::string archive;
   std::string counters_from;
   unsigned vr = 0;
   std::string file;
@@ -94,6 +96,10 @@ void warn(const Arguments& a, const std::string& message);
 /// @throws std::runtime_error  no such deployment, or one that cannot be read
 [[nodiscard]] suite::LinkSettings link_of(const Arguments& a);
 [[nodiscard]] wire::FopSettings fop_settings(const Arguments& a);
+/// The archive: --archive, what the last server of STATE recorded in, or the file in STATE.
+[[nodiscard]] ArchivePlace archive_place(const Operation& operation);
+/// What verbs without --archive take from now on. The error is ready to print.
+[[nodiscard]] Archive::Outcome remember_archive(const Operation& operation);
 /// The line itself.
 [[nodiscard]] Result<std::unique_ptr<DirectLink>, std::string> open_line(const Operation& operation,
                                                                          const suite::LinkSettings& link,

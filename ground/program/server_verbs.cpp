@@ -51,26 +51,41 @@ Exit bridge(const Operation& operation) {
   return run_bridge(*opened, a.json);
 }
 
+/// Of --archive or STATE, and remembered for the other verbs.
+ArchivePlace archive_place_of_server(const Operation& operation) {
+  if (const auto kept = remember_archive(operation); !kept)
+    log_of_server(kept.error() + "; other commands need --archive");
+  return archive_place(operation);
+}
+
+/// With the patience of a command: the line is not served yet.
+void remove_older(const ArchivePlace& place, double keep_days) {
+  const auto kept = std::chrono::duration_cast<nanoseconds>(std::chrono::duration<double>(keep_days * 86400));
+  const auto archive = open_archive(place, ArchiveUse::care);
+  if (!archive) return log_of_server("nothing older is removed: " + archive.error());
+  for (const char* table : {"packets", "telecommands", "files", "passes", "gaps"}) {
+    const auto pruned = (*archive)->prune(table, system_utc_now() - kept);
+    if (!pruned) log_of_server(pruned.error());
+  }
+}
+
 /// The archive of a server. nullptr: none; the station works without it.
 std::unique_ptr<Recorder> open_recorder(const Operation& operation) {
   const Arguments& a = operation.arguments;
   if (a.no_archive) return nullptr;
-  auto archive = open_archive(operation.state_dir / archive_name, ArchiveUse::write);
+  const ArchivePlace place = archive_place_of_server(operation);
+  if (a.keep_days > 0) remove_older(place, a.keep_days);
+  auto archive = open_archive(place, ArchiveUse::write);
   if (!archive) {
-    log_of_server(archive.error() +
-                  "; nothing is recorded until it is repaired (srfs-ground archive repair)");
+    log_of_server(archive.error() + (is_shared(place) ? "; nothing is recorded"
+                                                      : "; nothing is recorded until it is repaired "
+                                                        "(srfs-ground archive repair)"));
     return nullptr;
   }
   auto recorder = std::make_unique<Recorder>(std::move(*archive), operation.dictionary, log_of_server);
+  if (const auto there = recorder->archive().newest_packet(); !there)
+    log_of_server(there.error() + "; it is tried again every second");
   if (a.fill) recorder->fill_gaps();
-  if (a.keep_days > 0) {
-    const auto kept =
-        std::chrono::duration_cast<nanoseconds>(std::chrono::duration<double>(a.keep_days * 86400));
-    for (const char* table : {"packets", "telecommands", "files", "passes", "gaps"}) {
-      const auto pruned = recorder->archive().prune(table, system_utc_now() - kept);
-      if (!pruned) log_of_server(pruned.error());
-    }
-  }
   return recorder;
 }
 
@@ -84,6 +99,8 @@ std::vector<std::string> web_command(const Operation& operation) {
                                    a.deployment,
                                    "--state",
                                    operation.state_dir.string()};
+  if (!a.archive.empty())
+    command.insert(command.end(), {"--archive", a.archive, "--station", std::to_string(a.station)});
   for (const std::string& fragment : a.fragments) command.insert(command.end(), {"--fragment", fragment});
   command.insert(command.end(), {"web", a.web.address, "--owner", std::to_string(::getpid())});
   const auto add = [&command](const char* option, const std::filesystem::path& path) {
@@ -98,6 +115,7 @@ std::vector<std::string> web_command(const Operation& operation) {
 Exit serve(const Operation& operation) {
   const Arguments& a = operation.arguments;
   if (const auto wrong = api::wrong_options(a.web)) return fail(a, *wrong);
+  if (const auto wrong = wrong_address(ArchivePlace(a.archive, 0, 0))) return fail(a, *wrong);
   const auto link = link_of(a);
   auto opener = PortOpener::of(a.port, link.baud);
   if (!opener) return fail(a, opener.error());
@@ -125,7 +143,8 @@ Exit web(const Operation& operation) {
     static_cast<void>(::prctl(PR_SET_PDEATHSIG, SIGKILL));
     if (::getppid() != a.owner) return Exit::done;  // it ended before
   }
-  const auto done = api::run_web_gateway(operation.dictionary, operation.state_dir, a.web);
+  const auto done =
+      api::run_web_gateway(operation.dictionary, operation.state_dir, archive_place(operation), a.web);
   return done ? Exit::done : fail(a, done.error());
 }
 

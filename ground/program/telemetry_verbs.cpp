@@ -34,7 +34,7 @@ Exit retrieve(const Operation& operation) {
 
 Exit station(const Operation& operation) {
   const Arguments& a = operation.arguments;
-  const auto archive = open_archive(operation.state_dir / archive_name, ArchiveUse::read);
+  const auto archive = open_archive(archive_place(operation), ArchiveUse::read);
   if (!archive) return fail(a, archive.error());
   auto status = read_status(**archive, operation.dictionary);
   if (!status) return fail(a, status.error());
@@ -52,7 +52,7 @@ Exit station(const Operation& operation) {
 
 Exit beacon(const Operation& operation) {
   const Arguments& a = operation.arguments;
-  const auto archive = open_archive(operation.state_dir / archive_name, ArchiveUse::read);
+  const auto archive = open_archive(archive_place(operation), ArchiveUse::read);
   if (!archive) return fail(a, archive.error());
   const auto status = read_status(**archive, operation.dictionary);
   if (!status) return fail(a, status.error());
@@ -76,8 +76,8 @@ Exit console(const Operation& operation) {
   if (!server) return fail(a, server.error());
   if (!*server)
     return fail(a, fmt::format("no server runs at {}; start it: srfs-ground serve", socket.string()));
-  const auto done =
-      screen::run_operator_console(operation.dictionary, operation.state_dir, std::move(**server));
+  const auto done = screen::run_operator_console(operation.dictionary, operation.state_dir,
+                                                 archive_place(operation), std::move(**server));
   if (done) return Exit::done;
   fail(a, done.error().text);
   return done.error().began ? Exit::link_closed : Exit::unusable;

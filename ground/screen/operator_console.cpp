@@ -89,7 +89,7 @@ StationOutput OperatorConsole::output() {
           .line_opened = [this] { state_.line_open = changed_ = true; }};
 }
 
-void OperatorConsole::load(const std::filesystem::path& archive) {
+void OperatorConsole::load(const ArchivePlace& archive) {
   const auto opened = open_archive(archive, ArchiveUse::read);
   if (!opened) return say("the archive cannot be read: " + opened.error(), Tone::yellow);
   if (auto status = read_status(**opened, dictionary_)) state_.latest = std::move(status->latest);
@@ -381,9 +381,9 @@ void wait(const Terminal& terminal, const OperatorConsole& console, MonotonicTim
 
 Result<void, ConsoleFailure> run_operator_console(const mission::Dictionary& dictionary,
                                                   const std::filesystem::path& state_dir,
-                                                  ServerConnection connection) {
+                                                  const ArchivePlace& archive, ServerConnection connection) {
   OperatorConsole console(dictionary, std::make_unique<ServedLink>(std::move(connection), true));
-  console.load(state_dir / archive_name);
+  console.load(archive);
   console.use_history(state_dir / "console_history");
   const auto terminal = Terminal::open();
   if (!terminal) return Err(ConsoleFailure{false, terminal.error()});

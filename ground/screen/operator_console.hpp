@@ -24,7 +24,7 @@ class OperatorConsole {
   OperatorConsole(const mission::Dictionary& dictionary, std::unique_ptr<ServedLink> link);
 
   /// What the archive knows: newest values, events.
-  void load(const std::filesystem::path& archive);
+  void load(const ArchivePlace& archive);
   /// Lines of other consoles, and where those of this one are kept.
   void use_history(const std::filesystem::path& file);
 
@@ -89,6 +89,7 @@ struct ConsoleFailure {
 };
 [[nodiscard]] Result<void, ConsoleFailure> run_operator_console(const mission::Dictionary& dictionary,
                                                                 const std::filesystem::path& state_dir,
+                                                                const ArchivePlace& archive,
                                                                 ServerConnection connection);
 
 }  // namespace srfs::ground::screen

@@ -124,5 +124,10 @@ TEST(TerminalText, TheNamesForTheNextTelecommandStayAsTheyAre) {
   EXPECT_EQ(next->arguments.back(), "after=a\x1b");
 }
 
+TEST(ValidUtf8, PutsAReplacementForEachOctetThatIsNoTextAndForZero) {
+  EXPECT_EQ(valid_utf8("Grün \\ \t"), "Grün \\ \t");
+  EXPECT_EQ(valid_utf8(std::string("a\0\xC3(\xF0\x9F", 6)), "a\uFFFD\uFFFD(\uFFFD\uFFFD");
+}
+
 }  // namespace
 }  // namespace srfs::ground

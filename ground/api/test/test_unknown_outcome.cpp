@@ -27,11 +27,12 @@ class ApiOverAServerThatEnds : public ::testing::Test {
                       if (!ends_) return Messages{reply_to(message, {{"error", "the line is closed"}})};
                       return std::nullopt;
                     });
-    auto gateway = Gateway::open(dictionary_, folder_.path());
+    auto gateway = Gateway::open(dictionary_, folder_.path(), folder_.path() / archive_name);
     ASSERT_TRUE(gateway) << gateway.error();
     gateway_ = std::move(*gateway);
     Api::Settings settings;
     settings.state_dir = folder_.path();
+    settings.archive = folder_.path() / archive_name;
     api_.emplace(dictionary_, *gateway_, settings);
     running_ = std::thread([this] { static_cast<void>(gateway_->run(stop_.get())); });
   }

@@ -34,6 +34,7 @@ OF_CMAKE = {
     "fec": "libfec-dev",
     "seccomp": "libseccomp-dev",
     "SQLite3": "libsqlite3-dev",
+    "libpq": "libpq-dev",
     "Boost": "libboost-dev",
     "zstd": "libzstd-dev",
     "ncursesw": "libncurses-dev",
