@@ -48,6 +48,7 @@ Uplink& DirectLink::uplink_now() {
 }
 
 Result<wire::RequestId, OrderError> DirectLink::send(const TelecommandOrder& order) {
+  if (order.again) return not_known("without a server no archive knows whether it was sent before");
   if (order.ad) {
     auto made = uplink_now().make_packet(order.command);
     if (!made) return refused(made.error());

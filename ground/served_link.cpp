@@ -254,6 +254,7 @@ Result<wire::RequestId, OrderError> ServedLink::send(const TelecommandOrder& ord
   message["number"] = order.number;
   message["ad"] = order.ad;
   message["token"] = order.token.empty() ? new_token() : order.token;
+  if (order.again) message["again"] = true;
   const auto reply = call(std::move(message), servers_of_a_telecommand);
   if (!reply && reply.error().is_unknown())
     return not_known(fmt::format("{}: it is not known whether it was sent: {}", order.command.command->name,

@@ -111,11 +111,12 @@ class ServedLink final : public StationLink {
   [[nodiscard]] std::vector<cfdp::Report> transfers() const override { return transfers_; }
   [[nodiscard]] Result<bool, OrderError> order_transfer(cfdp::TransactionId id, TransferOrder order) override;
   /// From now on the server fills gaps of its archive.
-  [[nodiscard]] Result<void, OrderError> fill_gaps();
+  [[nodiscard]] Result<void, OrderError> fill_gaps() override;
   /// Notes in the archive that an event was seen. @param event  its number there
   [[nodiscard]] Result<void, OrderError> acknowledge(std::int64_t event, const std::string& who);
   /// Whether the server has an archive.
   [[nodiscard]] bool has_archive() const { return connection_.welcome().value("archive", false); }
+  [[nodiscard]] bool remembers() const override { return has_archive(); }
   /// Why the server records nothing now; empty: it does.
   [[nodiscard]] const std::string& archive_problem() const { return archive_problem_; }
   /// Whether the server had the line when it was found.

@@ -54,16 +54,16 @@ void Station::tell_stage_of_other(StageReport report) {
 Result<wire::RequestId, OrderError> Station::send(const std::string& command,
                                                   const std::vector<std::string>& arguments,
                                                   std::optional<milliseconds> patience, std::uint64_t tag,
-                                                  const std::string& token) {
+                                                  const std::string& token, bool again) {
   const auto encoded = dictionary_.encode(command, arguments);
   if (!encoded) return refused(encoded.error().message);
-  return dispatch(*encoded, arguments, patience, tag, token, std::nullopt);
+  return dispatch(*encoded, arguments, patience, tag, token, again, std::nullopt);
 }
 
 Result<wire::RequestId, OrderError> Station::send_at(UtcTime release, const std::string& command,
                                                      const std::vector<std::string>& arguments,
                                                      std::optional<milliseconds> patience, std::uint64_t tag,
-                                                     const std::string& token) {
+                                                     const std::string& token, bool again) {
   const auto encoded = dictionary_.encode(command, arguments);
   if (!encoded) return refused(encoded.error().message);
   const auto made = link_->make_packet({.command = *encoded, .arguments = arguments});
@@ -76,7 +76,7 @@ Result<wire::RequestId, OrderError> Station::send_at(UtcTime release, const std:
   const auto left = std::chrono::ceil<milliseconds>(release - system_utc_now());
   const milliseconds wait =
       std::max(left, milliseconds(0)) + patience.value_or(encoded->command->timeout + report_margin);
-  return dispatch(*insertion, inserted, std::nullopt, tag, token,
+  return dispatch(*insertion, inserted, std::nullopt, tag, token, again,
                   Scheduled{made->request, encoded->command, wait});
 }
 
@@ -101,7 +101,7 @@ void Station::on_insertion(const StageReport& report, MonotonicTime now) {
 Result<wire::RequestId, OrderError> Station::dispatch(const mission::EncodedCommand& encoded,
                                                       const std::vector<std::string>& arguments,
                                                       std::optional<milliseconds> patience, std::uint64_t tag,
-                                                      const std::string& token,
+                                                      const std::string& token, bool again,
                                                       const std::optional<Scheduled>& scheduled) {
   const bool retrieves = encoded.command->service == mission::StorageRetrieve::service &&
                          encoded.command->subtype == mission::StorageRetrieve::subtype;
@@ -117,8 +117,12 @@ Result<wire::RequestId, OrderError> Station::dispatch(const mission::EncodedComm
   }
   const bool by_ad = link_->cop().phase != AdPhase::off;
   const std::uint64_t number = next_ad_number_++;
-  const auto request = link_->send(
-      {.command = encoded, .arguments = arguments, .number = number, .ad = by_ad, .token = token});
+  const auto request = link_->send({.command = encoded,
+                                    .arguments = arguments,
+                                    .number = number,
+                                    .ad = by_ad,
+                                    .token = token,
+                                    .again = again});
   if (request) {
     const MonotonicTime now = monotonic_now();
     if (by_ad) ad_telecommands_[number] = {*request, encoded.command, wait, tag};

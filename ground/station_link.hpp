@@ -79,6 +79,9 @@ struct TelecommandOrder {
   std::string who = {};                            ///< for the archive
   std::string token = {};       ///< likewise: unique; an order with a known one is not carried out again
   bool recorded_alone = false;  ///< not sent when the archive cannot record it
+  /// An earlier process may have given this order, with this token: it is carried out only when it is certain
+  /// that it was not, else the error is Kind::unknown.
+  bool again = false;
 };
 
 /// The way to the spacecraft below telecommands and their stages: counters, keys, frames, COP-1, CFDP.
@@ -132,6 +135,11 @@ class StationLink {
   /// Does what is due. An error: the link is gone.
   [[nodiscard]] virtual Result<void, std::string> on_time() = 0;
   [[nodiscard]] virtual std::optional<MonotonicTime> next_deadline() const = 0;
+
+  /// An archive behind the link knows telecommands by their tokens.
+  [[nodiscard]] virtual bool remembers() const { return false; }
+  /// From now on gaps of that archive are filled.
+  [[nodiscard]] virtual Result<void, OrderError> fill_gaps() { return refused("there is no archive"); }
 
   [[nodiscard]] virtual DownlinkCounters counters() const = 0;
   [[nodiscard]] virtual bool locked() const = 0;
