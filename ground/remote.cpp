@@ -75,24 +75,9 @@ RemoteRequest copy_down(const Words& words, UtcTime utc) {
           .awaited_file = target};
 }
 
-std::string text_of(const TelemetryReport& report, std::string_view field) {
-  for (const auto& one : report.fields) {
-    if (one.name == field) return one.text;
-  }
-  return "";
-}
-
 /// The same, for a line.
 std::string shown(const TelemetryReport& report, std::string_view field) {
-  return for_terminal(text_of(report, field));
-}
-
-std::string joined_hash(const TelemetryReport& report) {
-  std::string hash;
-  for (const auto& field : report.fields) {
-    if (field.name.starts_with("sha256") && field.text.size() > 2) hash += field.text.substr(2);
-  }
-  return hash;
+  return for_terminal(field_text(report, field));
 }
 
 std::optional<std::uint64_t> number_of(const TelemetryReport& report, std::string_view field) {
@@ -119,16 +104,31 @@ std::string path_text(const std::string& folder, const std::string& name) {
 }
 
 std::string copy_line(const TelemetryReport& report) {
-  if (text_of(report, "operations") == "0") return "no copy is in progress\n";
-  const std::string octets = text_of(report, "octets");
-  std::string line = fmt::format("{:<20} {:<4} {:<17} {} of {} octets", text_of(report, "operation"),
-                                 text_of(report, "direction"), text_of(report, "state"),
-                                 text_of(report, "progress"), octets == "unknown" ? "?" : octets);
-  if (text_of(report, "missing") != "0") line += fmt::format(", {} lost", text_of(report, "missing"));
+  if (field_text(report, "operations") == "0") return "no copy is in progress\n";
+  const std::string octets = field_text(report, "octets");
+  std::string line = fmt::format("{:<20} {:<4} {:<17} {} of {} octets", field_text(report, "operation"),
+                                 field_text(report, "direction"), field_text(report, "state"),
+                                 field_text(report, "progress"), octets == "unknown" ? "?" : octets);
+  if (field_text(report, "missing") != "0") line += fmt::format(", {} lost", field_text(report, "missing"));
   return line + "  " + shown(report, "file") + "\n";
 }
 
 }  // namespace
+
+std::string field_text(const TelemetryReport& report, std::string_view field) {
+  for (const auto& one : report.fields) {
+    if (one.name == field) return one.text;
+  }
+  return "";
+}
+
+std::string reported_sha256(const TelemetryReport& report) {
+  std::string digits;
+  for (const auto& field : report.fields) {
+    if (field.name.starts_with("sha256") && field.text.size() > 2) digits += field.text.substr(2);
+  }
+  return digits;
+}
 
 std::string remote_actions() {
   return "ls [FOLDER] | stat FILE... | rm FILE... | mkdir FOLDER | rmdir FOLDER | get FILE [NAME] | copies | "
@@ -181,8 +181,8 @@ bool is_whole(const TelecommandText& telecommand, const std::vector<TelemetryRep
 
 std::optional<TelecommandText> next_page(const TelecommandText& page,
                                          const std::vector<TelemetryReport>& answers) {
-  if (answers.empty() || text_of(answers.back(), "left") == "0") return std::nullopt;
-  const std::string last = text_of(answers.back(), "object_name");
+  if (answers.empty() || field_text(answers.back(), "left") == "0") return std::nullopt;
+  const std::string last = field_text(answers.back(), "object_name");
   if (last.empty()) return std::nullopt;
   TelecommandText next{.name = page.name, .arguments = {page.arguments.front(), "after=" + last}};
   if (next.arguments == page.arguments) return std::nullopt;  // the spacecraft does not get ahead
@@ -249,27 +249,27 @@ std::string to_line(const mission::Parameter& parameter) {
 
 std::string answer_lines(const TelemetryReport& report) {
   if (report.name == mission::ParameterGenerationHousekeeping::name) {
-    const std::string left = text_of(report, "trial_left_s");
-    const bool on_trial = text_of(report, "current") == "true" && left != "0";
+    const std::string left = field_text(report, "trial_left_s");
+    const bool on_trial = field_text(report, "current") == "true" && left != "0";
     return fmt::format("{} {:>5}  {:<21} {:>3} values  {:<32} {}\n{}",
-                       text_of(report, "current") == "true" ? "*" : " ", text_of(report, "number"),
-                       shown(report, "saved"), text_of(report, "values"), shown(report, "origin"),
+                       field_text(report, "current") == "true" ? "*" : " ", field_text(report, "number"),
+                       shown(report, "saved"), field_text(report, "values"), shown(report, "origin"),
                        shown(report, "content"), on_trial ? fmt::format("  on trial for {} s\n", left) : "");
   }
   if (report.service == mission::RepositorySummary::service) {
     switch (report.subtype) {
       case mission::RepositorySummary::subtype: {
-        if (text_of(report, "objects") == "0") return "";
-        const bool folder = text_of(report, "object") == "folder";
-        return fmt::format("{:<7} {:>12}  {}{}\n", text_of(report, "object"),
-                           folder ? "" : text_of(report, "octets"), shown(report, "object_name"),
+        if (field_text(report, "objects") == "0") return "";
+        const bool folder = field_text(report, "object") == "folder";
+        return fmt::format("{:<7} {:>12}  {}{}\n", field_text(report, "object"),
+                           folder ? "" : field_text(report, "octets"), shown(report, "object_name"),
                            folder ? "/" : "");
       }
       case mission::FileAttributes::subtype:
         return fmt::format("{}\n    octets    {}\n    modified  {}\n    checksum  {}\n    sha256    {}\n",
                            path_text(shown(report, "repository"), shown(report, "file")),
-                           text_of(report, "octets"), text_of(report, "modified"),
-                           text_of(report, "checksum"), joined_hash(report));
+                           field_text(report, "octets"), field_text(report, "modified"),
+                           field_text(report, "checksum"), reported_sha256(report));
       case mission::FileCopyStatus::subtype:
         return copy_line(report);
       default:

@@ -29,6 +29,11 @@ struct RemoteRequest {
 /// The actions, for the help text.
 [[nodiscard]] std::string remote_actions();
 
+/// The text of a field; empty: the report has none.
+[[nodiscard]] std::string field_text(const TelemetryReport& report, std::string_view field);
+/// The SHA-256 in a report of a file's attributes, 64 digits.
+[[nodiscard]] std::string reported_sha256(const TelemetryReport& report);
+
 /// The page behind the last entry of @p answers; nullopt: that was all.
 [[nodiscard]] std::optional<TelecommandText> next_page(const TelecommandText& page,
                                                        const std::vector<TelemetryReport>& answers);

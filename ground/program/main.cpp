@@ -37,6 +37,7 @@ void define(CLI::App& app, Arguments& a) {
   define_bridge(app, a);
   define_server(app, a);
   define_archive(app, a);
+  define_passes(app, a);
   define_packages(app, a);
   define_help(app, a);
 }

@@ -182,7 +182,8 @@ Result<Port, std::string> open_port(const Operation& operation, const suite::Lin
   return opener->open(connection_patience);
 }
 
-/// The way to the spacecraft: through the server if one runs, else the line itself.
+}  // namespace
+
 Result<std::unique_ptr<StationLink>, std::string> open_link(const Operation& operation,
                                                             const suite::LinkSettings& link, bool files) {
   auto server = server_of(operation, files, false);
@@ -206,8 +207,6 @@ Result<std::unique_ptr<StationLink>, std::string> open_link(const Operation& ope
   (*line)->hold_state(std::move(*lock));
   return std::move(*line);
 }
-
-}  // namespace
 
 Exit with_console(const Operation& operation, const suite::LinkSettings& link, Use use,
                   const std::function<Exit(Console&)>& what) {

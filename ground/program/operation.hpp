@@ -20,6 +20,18 @@
 
 namespace srfs::ground::program {
 
+/// What the command line says after `pass`.
+struct PassArguments {
+  std::string plan;
+  std::string from;
+  double hours = 24;
+  bool wait = false;
+  bool keep_going = false;
+  bool rehearse = false;
+  double scale = 10;
+  bool set_time = false;
+};
+
 struct Arguments {
   std::string port;
   std::string verb;
@@ -70,6 +82,7 @@ struct Arguments {
   pid_t owner = 0;
   CLI::Option* web_option = nullptr;  // of serve: whether it was given
   PackageArguments package;
+  PassArguments pass;
   Exit exit = Exit::done;  // of the verb, which CLI11 runs when it has read all arguments
 };
 
@@ -104,6 +117,10 @@ void warn(const Arguments& a, const std::string& message);
 [[nodiscard]] Result<std::unique_ptr<DirectLink>, std::string> open_line(const Operation& operation,
                                                                          const suite::LinkSettings& link,
                                                                          Port port, bool files);
+/// The way to the spacecraft: through the server if one runs, else the line itself.
+[[nodiscard]] Result<std::unique_ptr<StationLink>, std::string> open_link(const Operation& operation,
+                                                                          const suite::LinkSettings& link,
+                                                                          bool files);
 /// The server that owns the line. nullopt: none runs.
 [[nodiscard]] Result<std::optional<ServerConnection>, std::string> server_of(const Operation& operation,
                                                                              bool files, bool octets);

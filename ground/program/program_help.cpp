@@ -16,6 +16,14 @@ std::string words_of_options(const CLI::App& app) {
   return words;
 }
 
+/// What may follow a subcommand: its options, its own subcommands and theirs.
+std::string words_after(const CLI::App& sub) {
+  std::string words = words_of_options(sub);
+  for (const CLI::App* nested : sub.get_subcommands({}))
+    words += " " + nested->get_name() + " " + words_of_options(*nested);
+  return words;
+}
+
 /// In a manual page, a dash of an option and a backslash are escaped; a dot or quote begins no line.
 std::string escaped(const std::string& text) {
   std::string out;
@@ -48,7 +56,7 @@ std::string bash_completion(const CLI::App& app, const std::string& program) {
   std::string cases;
   for (const CLI::App* sub : app.get_subcommands({})) {
     names += (names.empty() ? "" : " ") + sub->get_name();
-    cases += fmt::format("    {}) options=\"{}\" ;;\n", sub->get_name(), words_of_options(*sub));
+    cases += fmt::format("    {}) options=\"{}\" ;;\n", sub->get_name(), words_after(*sub));
   }
   return fmt::format(R"(# bash completion for {0}; made by '{0} completion'
 {1}() {{
@@ -64,6 +72,9 @@ std::string bash_completion(const CLI::App& app, const std::string& program) {
 {4}  esac
   if [[ $word != -* && $verb =~ ^(tc|arm|list)$ && ${{COMP_WORDS[COMP_CWORD-1]}} == "$verb" ]]; then
     options=$("${{COMP_WORDS[0]}}" list --names 2>/dev/null)
+  elif [[ $word != -* && $verb == pass && ${{COMP_WORDS[COMP_CWORD-1]}} =~ ^(plan|run|report)$ ]]; then
+    COMPREPLY=($(compgen -f -- "$word"))
+    return
   elif [[ $word != -* && $verb =~ ^(put|script|package)$ ]]; then
     COMPREPLY=($(compgen -f -- "$word"))
     return

@@ -18,5 +18,6 @@ void define_packages(CLI::App& app, Arguments& a);
 void define_bridge(CLI::App& app, Arguments& a);
 void define_server(CLI::App& app, Arguments& a);
 void define_archive(CLI::App& app, Arguments& a);
+void define_passes(CLI::App& app, Arguments& a);
 
 }  // namespace srfs::ground::program

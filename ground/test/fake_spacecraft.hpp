@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <map>
 #include <optional>
 #include <vector>
 
@@ -57,6 +58,7 @@ class FakeSpacecraft {
   /// telecommands that FARM-1 accepts count.
   std::vector<wire::TcPacket> receive(OctetView octets) {
     std::vector<wire::TcPacket> packets;
+    if (deaf) return packets;
     for (const auto& frame : cltus_.push(octets, MonotonicTime{})) {
       const auto decoded = wire::decode_tc_frame(frame, static_cast<std::uint16_t>(link_.spacecraft_id));
       if (!decoded) continue;
@@ -128,6 +130,15 @@ class FakeSpacecraft {
     source.bytes(more);
     return send(packet.apid, 1, subtype, source.take());
   }
+  /// The report of one of `structures`, as downlink octets; nullopt: it is none of them.
+  std::optional<Octets> report_of(std::uint16_t structure) {
+    const auto content = structures.find(structure);
+    if (content == structures.end()) return std::nullopt;
+    OctetWriter source;
+    source.u16(structure);
+    source.bytes(content->second);
+    return send(1, 3, 25, source.take());
+  }
   Octets idle() { return wire::encode_cadu(frames_.build_idle(clcw()), format()); }
 
   std::vector<Octets> pdus;
@@ -135,8 +146,10 @@ class FakeSpacecraft {
   std::optional<std::uint64_t> last_ad_counter;
   std::uint32_t last_sender = 0;
   wire::FarmState farm;
-  int lose_ad_frames = 0;  ///< number of AD frames to lose on the uplink
-  bool reports = true;     ///< send the reports that telecommands order
+  int lose_ad_frames = 0;                      ///< number of AD frames to lose on the uplink
+  bool deaf = false;                           ///< no telecommand comes through
+  bool reports = true;                         ///< send the reports that telecommands order
+  std::map<std::uint16_t, Octets> structures;  ///< what is sent when it is asked for
 
  private:
   Octets send_packet(std::uint8_t vc, const Octets& packet) {

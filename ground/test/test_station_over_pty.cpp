@@ -173,6 +173,14 @@ void serve(const Pty& pty, FakeSpacecraft& spacecraft, const std::atomic<bool>& 
       }
       put(spacecraft.verify(packet, 1));
       put(spacecraft.verify(packet, 3));
+      if (packet.service == 3 && packet.subtype == 27 && !spacecraft.structures.empty()) {
+        OctetReader asked(packet.application);
+        static_cast<void>(asked.u16());
+        const auto report = spacecraft.report_of(asked.u16());
+        if (report) put(*report);
+        put(report ? spacecraft.verify(packet, 7) : spacecraft.verify(packet, 8, *from_hex("0017")));
+        continue;
+      }
       if (packet.service == 17) put(spacecraft.send(1, 17, 2, {}));
       if (packet.service == 15 && packet.subtype == 12 && spacecraft.reports) {
         for (std::uint16_t store = 1; store <= 3; ++store)
@@ -784,6 +792,112 @@ TEST_F(ProgramOverPty, SaysHowToMakeAMissingPort) {
   const Run ping = run("ping");
   EXPECT_EQ(ping.exit_code, 2);
   EXPECT_THAT(ping.output, HasSubstr("./run sim"));
+}
+
+/// The structures of a spacecraft that is well, but for what @p change does to its beacon.
+std::map<std::uint16_t, Octets> structures_with(const std::function<void(mission::Beacon&)>& change) {
+  mission::Beacon beacon;
+  beacon.boot_count = 3;
+  beacon.mode = mission::MissionMode::nominal;
+  beacon.time_valid = true;
+  change(beacon);
+  mission::HealthHousekeeping health;
+  health.mode = beacon.mode;
+  health.reason = beacon.mode_reason;
+  mission::PayloadAdcsHousekeeping attitude;
+  attitude.rate_deg_s = 14;
+  return {{mission::structure::beacon, beacon.encoded()},
+          {mission::structure::health, health.encoded()},
+          {mission::structure::boot_step, mission::BootStepHousekeeping{}.encoded()},
+          {mission::structure::timing, mission::TimingHousekeeping{}.encoded()},
+          {mission::structure::ttc, mission::TtcHousekeeping{}.encoded()},
+          {mission::structure::payload_adcs, attitude.encoded()}};
+}
+
+TEST_P(GroundProgram, MakesFirstContactInEachBootState) {
+  struct State {
+    std::function<void(mission::Beacon&)> change;
+    std::string said;
+  };
+  const std::vector<State> states{
+      {[](auto& beacon) { beacon.boot_count = 1; },
+       "boot 1, reset cause power_on: it was never started before"},
+      {[](auto& beacon) { beacon.reset_cause = mission::ResetCause::watchdog; },
+       "boot 3, reset cause watchdog"},
+      {[](auto& beacon) { beacon.reset_cause = mission::ResetCause::crash; }, "boot 3, reset cause crash"},
+      {[](auto& beacon) { beacon.time_valid = false; }, "its clock was never set"},
+      {[](auto& beacon) { beacon.farm_lockout = true; }, "FARM-1 is locked out"},
+      {[](auto& beacon) {
+         beacon.mode = mission::MissionMode::safe;
+         beacon.mode_reason = "battery low";
+       },
+       "mode safe: battery low"},
+  };
+  for (const State& state : states) {
+    spacecraft_.structures = structures_with(state.change);
+    const Run contact = run("first-contact --duration 60");
+    EXPECT_EQ(contact.exit_code, 0) << contact.output;
+    EXPECT_THAT(contact.output, HasSubstr(state.said));
+    EXPECT_THAT(contact.output, HasSubstr("it turns by 14.0 deg/s"));
+  }
+}
+
+TEST_P(GroundProgram, MakesFirstContactWithSrfsRescue) {
+  mission::BootStepHousekeeping step;
+  step.in_rescue = true;
+  step.unhealthy_starts = 4;
+  spacecraft_.structures = {{mission::structure::boot_step, step.encoded()}};
+  const Run contact = run("first-contact --duration 60");
+  EXPECT_EQ(contact.exit_code, 0) << contact.output;
+  EXPECT_THAT(contact.output, HasSubstr("srfs_rescue answers, the suite is down: 4 unhealthy starts"));
+}
+
+TEST_F(ProgramOverPty, SetsTheClockOfAFirstContactOnce) {
+  spacecraft_.structures = structures_with([](auto& beacon) { beacon.time_valid = false; });
+  const Run contact = run("--json first-contact --set-time --duration 60");
+  EXPECT_EQ(contact.exit_code, 0) << contact.output;
+  EXPECT_THAT(contact.output, HasSubstr("its clock was set to that of the ground"));
+}
+
+TEST_F(ProgramOverPty, SaysHowFarAFirstContactCame) {
+  FakeSpacecraft other(
+      secured_link());  // frames of a link that is not strict: no telecommand is authentic there
+  std::swap(spacecraft_, other);
+  const Run contact = run("first-contact --duration 3");
+  EXPECT_EQ(contact.exit_code, 1);
+  EXPECT_THAT(contact.output, HasSubstr("neither a beacon nor an answer"));
+}
+
+TEST_P(GroundProgram, FliesAPlanAndGoesOnWhereItEnded) {
+  std::ofstream(var_.path() / "times.txt") << "2026-11-27T08:00:00Z 2026-11-27T08:09:30Z\n";
+  std::ofstream(var_.path() / "lines.txt") << "tc eps.switch_load load=1 state=on\n"
+                                              "tc eps.switch_load load=3 state=on\n"
+                                              "  expect rejected\n";
+  std::ofstream(var_.path() / "plan.yaml") << "plan: short\n"
+                                              "station: { name: here, latitude_deg: 1, longitude_deg: 2 }\n"
+                                              "orbit: { times: times.txt }\n"
+                                              "queries: [storage.summary]\n"
+                                              "script: lines.txt\n";
+  spacecraft_.structures = structures_with([](auto&) {});
+  const std::string plan = (var_.path() / "plan.yaml").string();
+
+  const Run first = run("pass run " + plan + " --duration 60");
+
+  EXPECT_EQ(first.exit_code, 0) << first.output;
+  EXPECT_THAT(first.output, HasSubstr("nothing is left to do"));
+  EXPECT_THAT(first.output, HasSubstr("## Done"));
+  EXPECT_THAT(first.output, Not(HasSubstr("## Left")));
+  const auto sent = spacecraft_.last_counter;
+
+  const Run second = run("--json pass run " + plan + " --duration 60");
+  EXPECT_EQ(second.exit_code, 0) << second.output;
+  EXPECT_GT(spacecraft_.last_counter, sent) << "its questions";
+  const Run report = run("--json pass report " + plan);
+  const auto json = nlohmann::json::parse(report.output);
+  EXPECT_EQ(json["flown"].size(), 2U);
+  for (const auto& item : json["items"]) EXPECT_EQ(item["state"], "done") << item;
+  EXPECT_EQ(json["flown"][0]["items_done"], 3);
+  EXPECT_EQ(json["flown"][1]["items_done"], 0) << "nothing twice";
 }
 
 }  // namespace

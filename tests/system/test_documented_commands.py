@@ -50,6 +50,8 @@ RULES = (
     Rule(r"srfs-ground serve --web$", replaced=((r"--web", "--help"),)),  # the server of this document runs; test_web.py
     Rule(r"srfs-ground (listen|files|bridge|watch.*)$", interrupted_s=2, codes=(0, 130)),
     Rule(r"srfs-ground retrieve", replaced=NOW),
+    Rule(r"pass run .*--wait$", interrupted_s=3, codes=(1,)),  # the next pass is hours away
+    Rule(r"pass run .*--rehearse", skipped="tests/system/test_pass.py"),  # a second simulation
     Rule(r"srfs doctor", replaced=((r"^sudo ", ""),), codes=(0, 1)),  # machines differ
     Rule(r"record --duration", replaced=((r"duration 5", "duration 1"),)),
     Rule(r'"fault": "silent"', then="""build-release/bin/hw_sim --control '{"peripheral": "eps", "fault": "none"}'"""),
