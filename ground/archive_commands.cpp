@@ -109,7 +109,7 @@ Exit show_packets(const ArchiveCommand& command, const mission::Dictionary& dict
   }
   return with_archive(command, ArchiveUse::read, [&](Archive& archive) {
     const Rows rows(command.form, {"time", "received", "source", "apid", "sequence", "service", "subtype",
-                                   "structure", "live", "retrieved", "octets"});
+                                   "structure", "live", "retrieved", "verified", "octets"});
     return newest(
         archive, filter, most_of(command), [](const StoredPacket&) { return true; },
         [&](const StoredPacket& stored) {
@@ -119,6 +119,7 @@ Exit show_packets(const ArchiveCommand& command, const mission::Dictionary& dict
           json["received"] = to_iso8601(stored.received);
           json["live"] = stored.live;
           json["retrieved"] = stored.retrieved;
+          json["verified"] = report.authenticity == Authenticity::verified;
           json["octets"] = to_hex(stored.packet.raw);
           rows.write(json, to_lines(report, false));
         });

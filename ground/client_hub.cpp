@@ -346,7 +346,8 @@ nlohmann::json ClientHub::order_files(const std::string& type, const nlohmann::j
 
 void ClientHub::on_packet(const ReceivedPacket& received) {
   nlohmann::json message = serve::to_message(received);
-  if (hooks_.memory.packet) {
+  // What is not verified is shown, and not recorded.
+  if (hooks_.memory.packet && received.authenticity != Authenticity::unverified) {
     if (const std::int64_t id = hooks_.memory.packet(received); id != 0) message["id"] = id;
   }
   tell_all(message, [](const Client& client) { return !client.wants_octets; });

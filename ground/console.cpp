@@ -62,7 +62,11 @@ Console::Console(const mission::Dictionary& dictionary, std::unique_ptr<StationL
                 .file = [this](const auto& news) { on_file(news); },
                 .keys = [this](auto set, const auto& why) { on_keys(set, why); },
                 .problem = [this](const auto& problem) { fail(problem); },
-                .note = [this](const auto& text) { note(text); }}),
+                .note = [this](const auto& text) { note(text); },
+                .unverified =
+                    [this](const auto& report) {
+                      if (!quiet_telemetry_ && !watched_) show(report);
+                    }}),
       next_stats_(monotonic_now() + stats_period) {
   if (!options.ad) return;
   if (const auto started = station_.start_ad(); !started) fail(started.error());
@@ -575,11 +579,11 @@ void Console::on_telemetry(const TelemetryReport& report) {
   const bool wanted = report.kind == TelemetryKind::pong || report.kind == TelemetryKind::schedule ||
                       report.vc == tm_channel::playback || asked_for;
   if (quiet_telemetry_ && !wanted) return;
-  if (options_.json) {
-    write_json(to_json(report));
-  } else if (asked_for || !(quiet_telemetry_ && report.kind == TelemetryKind::pong)) {
-    write_lines(to_lines(report, options_.colour));
-  }
+  if (options_.json || asked_for || !(quiet_telemetry_ && report.kind == TelemetryKind::pong)) show(report);
+}
+
+void Console::show(const TelemetryReport& report) {
+  options_.json ? write_json(to_json(report)) : write_lines(to_lines(report, options_.colour));
 }
 
 void Console::on_stage(const StageReport& report) {

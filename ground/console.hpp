@@ -98,6 +98,7 @@ class Console {
   enum class Watch : std::uint8_t { port, port_and_input };
 
   void on_telemetry(const TelemetryReport& report);
+  void show(const TelemetryReport& report);
   /// Runs until the file that was put is up.
   [[nodiscard]] Exit follow_file(const Result<cfdp::TransactionId, OrderError>& put,
                                  std::optional<MonotonicTime> deadline);

@@ -22,10 +22,11 @@ auto unrecorded() {
 }  // namespace
 
 DirectLink::DirectLink(const mission::Dictionary& dictionary, const suite::LinkSettings& link, Port port,
-                       Uplink uplink, wire::FopSettings fop)
+                       Uplink uplink, wire::FopSettings fop, FrameTrust trust)
     : dictionary_(dictionary),
       port_(std::move(port)),
-      downlink_(link),
+      downlink_(link, std::move(trust.verifier), trust.unverified),
+      floor_file_(std::move(trust.floor_file)),
       uplink_(std::move(uplink)),
       ad_(uplink_.vc(), fop),
       octet_time_ns_(10e9 / static_cast<double>(link.baud)) {}  // 8N1
@@ -149,7 +150,9 @@ Result<void, std::string> DirectLink::on_readable() {
   if (!octets) return Err(octets.error());
   if (octets_) octets_(*octets);
   const MonotonicTime now = monotonic_now();
+  downlink_.on_time(system_utc_now());
   const auto packets = downlink_.push(*octets);
+  note_frames(now);
   for (const std::uint32_t word : downlink_.take_control_words()) {
     ad_.on_control_word(word, now);
     handle_ad();
@@ -163,8 +166,23 @@ Result<void, std::string> DirectLink::on_readable() {
   return {};
 }
 
+void DirectLink::note_frames(MonotonicTime now) {
+  const FrameVerifier* const verifier = downlink_.verifier();
+  if (verifier == nullptr) return;
+  if (floor_file_ && verifier->floor() != stored_floor_) {
+    const auto written = floor_file_->write(verifier->floor());
+    if (!written && !floor_fails_) report_problem(written.error());
+    floor_fails_ = !written;
+    stored_floor_ = verifier->floor();
+  }
+  if (const std::string news = refused_frames_.take(verifier->counters(), now); !news.empty())
+    report_problem(news);
+}
+
 void DirectLink::on_packet(const ReceivedPacket& received) {
-  if (received.vc == tm_channel::live && received.packet.service == 3 && received.packet.subtype == 25) {
+  const bool is_ours = received.authenticity != Authenticity::unverified;
+  if (is_ours && received.vc == tm_channel::live && received.packet.service == 3 &&
+      received.packet.subtype == 25) {
     const TelemetryReport report = decode_telemetry(dictionary_, received);
     if (report.kind == TelemetryKind::beacon) follow_counters(report);
   }
@@ -270,6 +288,7 @@ Result<void, std::string> DirectLink::on_time() {
   ad_.on_time(now);
   handle_ad();
   move_files(now);
+  if (floor_file_) floor_file_->sync(now);
   return {};
 }
 

@@ -17,8 +17,9 @@ class DirectLink final : public StationLink {
  public:
   static constexpr milliseconds write_patience{5000};
 
+  /// @param trust  open_frame_trust()
   DirectLink(const mission::Dictionary& dictionary, const suite::LinkSettings& link, Port port, Uplink uplink,
-             wire::FopSettings fop = {});
+             wire::FopSettings fop = {}, FrameTrust trust = {});
 
   /// The lock of its folder (lock_state()), until its end.
   void hold_state(Fd lock) { state_lock_ = std::move(lock); }
@@ -76,6 +77,8 @@ class DirectLink final : public StationLink {
   void handle_ad();
   void transmit_ad(const AdSignal& signal);
   void on_packet(const ReceivedPacket& received);
+  /// Of the frames that came: their floor is kept, and the operator told of those that were refused.
+  void note_frames(MonotonicTime now);
   /// The spacecraft reports its associations in the beacon.
   void follow_counters(const TelemetryReport& beacon);
   void move_files(MonotonicTime now);
@@ -86,6 +89,10 @@ class DirectLink final : public StationLink {
   Port port_;
   bool queues_ = false;
   Downlink downlink_;
+  std::optional<FrameFloorFile> floor_file_;
+  std::uint64_t stored_floor_ = 0;
+  bool floor_fails_ = false;
+  RefusedFrameNews refused_frames_;
   Uplink uplink_;
   AdService ad_;
   std::unique_ptr<cfdp::TransferFolders> files_;

@@ -28,43 +28,72 @@ std::optional<wire::TmPacket> telemetry_in(OctetView packet) {
   return telemetry ? std::optional(std::move(*telemetry)) : std::nullopt;
 }
 
-Downlink::Downlink(const suite::LinkSettings& link)
+Downlink::Downlink(const suite::LinkSettings& link, std::optional<FrameVerifier> verifier,
+                   UnverifiedFrames unverified)
     : synchroniser_({.frame_octets = static_cast<std::size_t>(link.tm_frame_length),
                      .reed_solomon = link.tm_reed_solomon,
                      .interleave = static_cast<unsigned>(link.tm_interleave),
                      .randomize = link.tm_randomizer}),
       decoder_(static_cast<std::uint16_t>(link.spacecraft_id),
-               static_cast<std::size_t>(link.tm_frame_length)) {}
+               static_cast<std::size_t>(link.tm_frame_length)),
+      authenticated_(link.tm_security.has_value()),
+      verifier_(std::move(verifier)),
+      unverified_(unverified) {}
+
+std::optional<Authenticity> Downlink::judge(OctetView octets, wire::TmFrame& frame) {
+  if (!authenticated_) return Authenticity::not_judged;
+  if (verifier_ && verifier_->verify(octets, frame, utc_) == FrameVerdict::verified)
+    return Authenticity::verified;
+  if (!verifier_) ++keyless_frames_;
+  if (unverified_ == UnverifiedFrames::dropped || !wire::tm_sdls_strip(frame)) return std::nullopt;
+  return Authenticity::unverified;
+}
 
 std::vector<ReceivedPacket> Downlink::push(OctetView octets) {
   octets_ += octets.size();
   std::vector<ReceivedPacket> received;
   for (const auto& cadu : synchroniser_.push(octets)) {
-    const auto frame = decoder_.decode(cadu.frame);
+    auto frame = decoder_.read(cadu.frame);
     if (!frame) continue;
-    clcw_ = frame->ocf;
-    if (control_words_.size() == max_control_words) control_words_.erase(control_words_.begin());
-    control_words_.push_back(frame->ocf);
+    const auto authenticity = judge(cadu.frame, *frame);
+    if (!authenticity) continue;
+    const bool is_ours = *authenticity != Authenticity::unverified;
+    if (is_ours) {
+      decoder_.take(*frame);
+      take_control_word(frame->ocf);
+    }
     if (frame->vc == wire::tm_idle_vc) {
-      ++idle_frames_;
+      if (is_ours) ++idle_frames_;
       continue;
     }
-    for (const Octets& packet : channels_.at(frame->vc).push(*frame)) {
-      if (frame->vc == tm_channel::files) {
-        take_file_packet(packet);
-        continue;
-      }
-      auto telemetry = telemetry_in(packet);
-      if (!telemetry) {
-        ++bad_packets_;
-        continue;
-      }
-      ++packets_;
-      packet_octets_ += packet.size();
-      received.push_back({frame->vc, std::move(*telemetry), packet});
-    }
+    auto& channel = (is_ours ? channels_ : unverified_channels_).at(frame->vc);
+    for (const Octets& packet : channel.push(*frame)) take_packet(frame->vc, packet, *authenticity, received);
   }
   return received;
+}
+
+void Downlink::take_control_word(std::uint32_t word) {
+  clcw_ = word;
+  if (control_words_.size() == max_control_words) control_words_.erase(control_words_.begin());
+  control_words_.push_back(word);
+}
+
+void Downlink::take_packet(std::uint8_t vc, const Octets& packet, Authenticity authenticity,
+                           std::vector<ReceivedPacket>& received) {
+  const bool is_ours = authenticity != Authenticity::unverified;
+  if (vc == tm_channel::files) {
+    if (is_ours) take_file_packet(packet);
+    return;
+  }
+  auto telemetry = telemetry_in(packet);
+  if (is_ours && telemetry) {
+    ++packets_;
+    packet_octets_ += packet.size();
+  }
+  if (is_ours && !telemetry) ++bad_packets_;
+  if (telemetry)
+    received.push_back(
+        {.vc = vc, .packet = std::move(*telemetry), .raw = packet, .authenticity = authenticity});
 }
 
 void Downlink::take_file_packet(OctetView packet) {
@@ -94,6 +123,15 @@ DownlinkCounters Downlink::counters() const {
   c.packets = packets_;
   c.packet_octets = packet_octets_;
   c.bad_packets = bad_packets_;
+  c.authenticated = authenticated_;
+  c.forged_frames = keyless_frames_;
+  if (verifier_) {
+    const FrameVerifier::Counters& verdicts = verifier_->counters();
+    c.bad_frames += verdicts.malformed;
+    c.forged_frames += verdicts.forged;
+    c.replayed_frames = verdicts.replayed;
+    c.old_frames = verdicts.too_old;
+  }
   for (const auto& channel : channels_)
     c.bad_packets += channel.counters().bad_packets + channel.counters().cut_packets;
   return c;

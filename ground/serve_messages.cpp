@@ -50,7 +50,10 @@ cfdp::Report report_of(const nlohmann::json& json) {
 }  // namespace
 
 nlohmann::json to_message(const ReceivedPacket& received) {
-  return {{"type", "packet"}, {"vc", received.vc}, {"octets", to_hex(received.raw)}};
+  nlohmann::json json{{"type", "packet"}, {"vc", received.vc}, {"octets", to_hex(received.raw)}};
+  if (received.authenticity != Authenticity::not_judged)
+    json["verified"] = received.authenticity == Authenticity::verified;
+  return json;
 }
 
 ReceivedPacket packet_of(const nlohmann::json& message) {
@@ -61,6 +64,9 @@ ReceivedPacket packet_of(const nlohmann::json& message) {
   if (!telemetry) throw std::invalid_argument("not a telemetry packet");
   received.packet = std::move(*telemetry);
   received.archive_id = message.value("id", std::int64_t{0});
+  if (message.contains("verified"))
+    received.authenticity =
+        message.at("verified").get<bool>() ? Authenticity::verified : Authenticity::unverified;
   return received;
 }
 
@@ -123,7 +129,11 @@ nlohmann::json to_message(const DownlinkCounters& c) {
           {"noise_octets", c.noise_octets},
           {"packets", c.packets},
           {"packet_octets", c.packet_octets},
-          {"bad_packets", c.bad_packets}};
+          {"bad_packets", c.bad_packets},
+          {"authenticated", c.authenticated},
+          {"forged_frames", c.forged_frames},
+          {"replayed_frames", c.replayed_frames},
+          {"old_frames", c.old_frames}};
 }
 
 DownlinkCounters counters_of(const nlohmann::json& message) {
@@ -137,7 +147,11 @@ DownlinkCounters counters_of(const nlohmann::json& message) {
           .noise_octets = number("noise_octets"),
           .packets = number("packets"),
           .packet_octets = number("packet_octets"),
-          .bad_packets = number("bad_packets")};
+          .bad_packets = number("bad_packets"),
+          .authenticated = message.value("authenticated", false),
+          .forged_frames = message.value("forged_frames", std::uint64_t{0}),
+          .replayed_frames = message.value("replayed_frames", std::uint64_t{0}),
+          .old_frames = message.value("old_frames", std::uint64_t{0})};
 }
 
 nlohmann::json to_message(const cfdp::Report& report) {

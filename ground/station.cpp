@@ -193,6 +193,10 @@ Result<void, std::string> Station::on_readable() {
 }
 
 void Station::on_packet(const ReceivedPacket& received, MonotonicTime now) {
+  if (received.authenticity == Authenticity::unverified) {
+    if (output_.unverified) output_.unverified(decode_telemetry(dictionary_, received));
+    return;
+  }
   for (auto& retrieval : retrievals_) {
     if (received.vc == tm_channel::playback) commanding_.extend(retrieval.tag(), now);
     if (retrieval.on_packet(received, now)) break;

@@ -30,6 +30,8 @@ struct StationOutput {
   /// Stages of telecommands of other users of the same server, when the link reports these.
   std::function<void(const StageReport&)> stage_of_other = {};
   std::function<void()> line_opened = {};
+  /// Of frames that could not be verified, if the operator wants to see them: for his eyes alone.
+  std::function<void(const TelemetryReport&)> unverified = {};
 };
 
 /// The operator's end of the link: sends telecommands, decodes telemetry, follows verification. Telecommands

@@ -49,6 +49,7 @@ std::string server_lines(const ServerStatus& server) {
   lines += fmt::format("{:<18} {}, {}; {} frames, {} bad, {} lost\n", "line",
                        server.line_open ? "open" : "closed", server.locked ? "frames in step" : "no frames",
                        server.counters.frames, server.counters.bad_frames, server.counters.lost_frames);
+  lines += fmt::format("{:<18} {}\n", "telemetry", authenticity_text(server.counters));
   std::string cop = fmt::format("AD service {}, {} outstanding, {} queued", to_text(server.cop.phase),
                                 server.cop.outstanding, server.cop.queued);
   if (server.cop.clcw) {

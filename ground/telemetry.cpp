@@ -174,6 +174,7 @@ TelemetryReport decode_telemetry(const mission::Dictionary& dictionary, const Re
   report.time_reference = packet.time_reference;
   report.undecoded = packet.source;
   report.archive_id = received.archive_id;
+  report.authenticity = received.authenticity;
   const auto* process = dictionary.apid(packet.apid);
   report.source = process == nullptr ? fmt::format("apid {}", packet.apid) : process->name;
   const OctetReader in(packet.source);
@@ -208,6 +209,8 @@ nlohmann::json to_json(const TelemetryReport& report) {
                       {"sequence", report.sequence_count},
                       {"time", to_iso8601(to_utc(report.time))},
                       {"time_reference", report.time_reference}};
+  if (report.authenticity != Authenticity::not_judged)
+    json["verified"] = report.authenticity == Authenticity::verified;
   if (report.kind == TelemetryKind::event) {
     json["event"] = report.name;
     json["severity"] = severity_text(report.subtype);
@@ -260,13 +263,24 @@ nlohmann::json to_json(const DownlinkCounters& c) {
           {"noise_octets", c.noise_octets},
           {"packets", c.packets},
           {"packet_octets", c.packet_octets},
-          {"bad_packets", c.bad_packets}};
+          {"bad_packets", c.bad_packets},
+          {"authenticated", c.authenticated},
+          {"forged_frames", c.forged_frames},
+          {"replayed_frames", c.replayed_frames},
+          {"old_frames", c.old_frames}};
+}
+
+std::string authenticity_text(const DownlinkCounters& c) {
+  if (!c.authenticated) return "not authenticated (link.tm.sdls of the deployment)";
+  return fmt::format("authentic: {} verified; refused {} forged, {} replayed, {} too old", c.frames,
+                     c.forged_frames, c.replayed_frames, c.old_frames);
 }
 
 std::string to_lines(const TelemetryReport& report, bool colour) {
   const std::string_view invalid = report.time_reference == 0 ? "?" : "";
   std::string head = fmt::format("{}{} {}", to_iso8601(to_utc(report.time)), invalid, report.source);
   if (report.vc == tm_channel::playback) head += " (stored)";
+  if (report.authenticity == Authenticity::unverified) head += coloured(red, " UNVERIFIED", colour);
   switch (report.kind) {
     case TelemetryKind::event: {
       const std::string line = fmt::format("{}  event {} [{}] {}", head, report.name,
@@ -313,9 +327,11 @@ std::string to_lines(const StageReport& report, bool colour) {
 }
 
 std::string to_lines(const DownlinkCounters& c) {
-  return fmt::format(
+  std::string line = fmt::format(
       "{} octets, {} frames ({} idle, {} bad, {} lost, {} octets corrected), {} packets ({} bad)\n", c.octets,
       c.frames, c.idle_frames, c.bad_frames, c.lost_frames, c.corrected_octets, c.packets, c.bad_packets);
+  if (c.authenticated) line += "frames " + authenticity_text(c) + "\n";
+  return line;
 }
 
 nlohmann::json to_json(const CopReport& report) {

@@ -45,6 +45,7 @@ struct TelemetryReport {
   std::optional<ScheduleReport> schedule;
   Octets undecoded;             ///< source data that the dictionary does not explain
   std::int64_t archive_id = 0;  ///< as ReceivedPacket
+  Authenticity authenticity = Authenticity::not_judged;
 };
 
 /// Decodes one packet with the dictionary. Never fails: what is unknown comes as octets.
@@ -53,7 +54,8 @@ struct TelemetryReport {
 
 /// {"type": "tm_packet" | "beacon" | "event" | "pong" | "schedule" | "time_report", vc, apid, source,
 /// service, subtype, sequence, time, structure | event, fields {name: value}, units {name: unit}, limits
-/// {name: yellow | red}}. Unknown values are null, enum values their labels.
+/// {name: yellow | red}}, and verified (bool) on a link with authentication. Unknown values are null, enum
+/// values their labels.
 [[nodiscard]] nlohmann::json to_json(const TelemetryReport& report);
 /// {"type": "tc_stage", id, command, stage, success, elapsed_ms, code, name, text, step}
 [[nodiscard]] nlohmann::json to_json(const StageReport& report);
@@ -68,6 +70,8 @@ struct TelemetryReport {
 [[nodiscard]] std::string to_lines(const TelemetryReport& report, bool colour);
 [[nodiscard]] std::string to_lines(const StageReport& report, bool colour);
 [[nodiscard]] std::string to_lines(const DownlinkCounters& counters);
+/// What was verified, in a line without newline.
+[[nodiscard]] std::string authenticity_text(const DownlinkCounters& counters);
 [[nodiscard]] std::string to_lines(const CopReport& report, bool colour);
 
 /// "1811c003": the request id as verification reports carry it.

@@ -20,8 +20,9 @@ namespace {
 constexpr std::uint16_t sequence_modulus = 0x4000;
 constexpr milliseconds clock_slack{60'000};  ///< of files and telecommands, sent at once, and of small steps
 
-/// Hexadecimal digits, a newline behind them allowed, in a file that its owner alone may read.
-Result<wire::SdlsKey, std::string> read_key(const std::filesystem::path& file) {
+}  // namespace
+
+Result<wire::SdlsKey, std::string> read_link_key(const std::filesystem::path& file) {
   struct stat info {};
   if (stat(file.c_str(), &info) == 0 && (info.st_mode & 077U) != 0) {
     return Err(fmt::format("{}: others may read this key (mode {:04o}): chmod 600, or replace it if they did",
@@ -37,8 +38,6 @@ Result<wire::SdlsKey, std::string> read_key(const std::filesystem::path& file) {
                            2 * wire::sdls_key_octets));
   return std::move(*key);
 }
-
-}  // namespace
 
 std::string_view to_text(suite::AssociationSet set) {
   switch (set) {
@@ -253,7 +252,7 @@ Result<Uplink, std::string> Uplink::open(const suite::LinkSettings& link,
     };
     if (entry.security != suite::ChannelSecurity::sdls || entry.virtual_channel != chosen.virtual_channel)
       continue;
-    auto key = read_key(var_dir / entry.key_file);
+    auto key = read_link_key(var_dir / entry.key_file);
     if (!key && entry.set != uplink.set_) continue;
     if (!key) return Err(key.error());
     const auto first = std::find_if(link.channels.begin(), link.channels.end(), same_set);

@@ -26,6 +26,10 @@ namespace srfs::ground {
 /// "a", "b" or "contingency".
 [[nodiscard]] std::optional<suite::AssociationSet> key_set_of(std::string_view text);
 
+/// A key of the link: hexadecimal digits, a newline behind them allowed, in a file that its owner alone may
+/// read. The error is ready to print.
+[[nodiscard]] Result<wire::SdlsKey, std::string> read_link_key(const std::filesystem::path& file);
+
 /// What the ground must not forget: the next security counter of each association, the sequence counts, the
 /// keys in use. A file, replaced atomically.
 class UplinkState {

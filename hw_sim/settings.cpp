@@ -61,6 +61,8 @@ void read_link(const ConfigSection& section, SimulationSettings& settings) {
   for (const ConfigSection& channel : section.sections("tc_channels")) {
     if (channel.has("key_file")) settings.key_files.push_back(channel.text("key_file"));
   }
+  const ConfigSection tm = section.section("tm");
+  if (tm.has("key_file")) settings.key_files.push_back(tm.text("key_file"));
 }
 
 void read_orbit(const ConfigSection& section, SimulationSettings& settings) {

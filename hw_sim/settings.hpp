@@ -39,7 +39,7 @@ struct WatchdogSettings {
 struct SimulationSettings {
   DeviceUris devices;
   std::uint32_t baud = 921'600;
-  std::vector<std::string> key_files;  ///< of the secured telecommand channels, relative to VAR
+  std::vector<std::string> key_files;  ///< of the link, relative to VAR
   WorldSettings world;
   std::optional<UtcTime> orbit_start;  ///< nullopt: true time at the start
   PeripheralSettings peripheral;

@@ -42,6 +42,7 @@ constexpr int live_copy = 1;
 constexpr int retrieved_copy = 2;
 constexpr std::chrono::hours elsewhere_longest{
     48};                             ///< gaps in which another station's packets are looked for
+constexpr int verified_copy = 4;     ///< one of them came in frames that were verified
 constexpr int open_gaps_max = 1000;  ///< of an application process; more give up the oldest
 
 struct Table {
@@ -373,6 +374,7 @@ Result<std::int64_t, std::string> SqlArchive::add(const ReceivedPacket& received
   const std::int64_t time = to_utc(packet.time).ns();
   const auto structure = structure_in(packet);
   const int copy = received.vc == tm_channel::playback ? retrieved_copy : live_copy;
+  const int copies = received.authenticity == Authenticity::verified ? copy | verified_copy : copy;
   const std::int64_t crc = crc32c(received.raw);
   const auto added = insert(
       fmt::format("INSERT INTO packets(time, received, apid, sequence, service, subtype, structure, copies, "
@@ -381,7 +383,7 @@ Result<std::int64_t, std::string> SqlArchive::add(const ReceivedPacket& received
       [&](Statement& s) {
         s.bind(1, time).bind(2, now.ns()).bind(3, std::int64_t{packet.apid});
         s.bind(4, std::int64_t{packet.sequence_count}).bind(5, std::int64_t{packet.service});
-        s.bind(6, std::int64_t{packet.subtype}).bind(8, std::int64_t{copy}).bind(9, crc);
+        s.bind(6, std::int64_t{packet.subtype}).bind(8, std::int64_t{copies}).bind(9, crc);
         structure ? s.bind(7, std::int64_t{*structure}) : s.bind_null(7);
         s.bind(10, OctetView(received.raw));
         if (next_packet_) s.bind(11, *next_packet_);
@@ -402,7 +404,7 @@ Result<std::int64_t, std::string> SqlArchive::add(const ReceivedPacket& received
     const auto marked =
         write("UPDATE packets SET copies=copies|? WHERE apid=? AND sequence=? AND time=? AND crc=?",
               [&](Statement& s) {
-                s.bind(1, std::int64_t{copy}).bind(2, std::int64_t{packet.apid});
+                s.bind(1, std::int64_t{copies}).bind(2, std::int64_t{packet.apid});
                 s.bind(3, std::int64_t{packet.sequence_count}).bind(4, time).bind(5, crc);
               });
     if (!marked) return Err(marked.error());
@@ -729,6 +731,7 @@ Archive::Outcome SqlArchive::packets(const PacketFilter& filter,
                             .retrieved = (row.integer(2) & retrieved_copy) != 0,
                             .packet = {}};
         stored.packet.vc = stored.live ? tm_channel::live : tm_channel::playback;
+        if ((row.integer(2) & verified_copy) != 0) stored.packet.authenticity = Authenticity::verified;
         stored.packet.raw = row.octets(3);
         auto telemetry = telemetry_in(stored.packet.raw);
         if (!telemetry) return true;  // only what is a packet was added

@@ -152,8 +152,18 @@ Result<std::unique_ptr<DirectLink>, std::string> open_line(const Operation& oper
     uplink->on_time(*from);
   }
   if (const std::string warning = uplink->warning(); !warning.empty()) warn(a, warning);
+  FrameTrustOptions trusting{
+      .age_max = seconds(a.frame_age_s),
+      .unverified = a.unverified == "mark" ? UnverifiedFrames::marked : UnverifiedFrames::dropped};
+  if (!a.frames_from.empty()) {
+    trusting.from = from_iso8601(a.frames_from);
+    if (!trusting.from) return Err(std::string("--frames-from needs a time such as 2026-11-21T08:00:00Z"));
+  }
+  auto trust = open_frame_trust(link, operation.var_dir, operation.state_dir, trusting);
+  if (!trust) return Err(trust.error());
+  if (!trust->warning.empty()) warn(a, trust->warning);
   auto line = std::make_unique<DirectLink>(operation.dictionary, link, std::move(port), std::move(*uplink),
-                                           fop_settings(a));
+                                           fop_settings(a), std::move(*trust));
   if (!files) return line;
   auto transfers = open_files(operation.state_dir, system_utc_now(), monotonic_now());
   if (!transfers) return Err(transfers.error());
@@ -293,6 +303,20 @@ void define_run(CLI::App& app, Arguments& a) {
   app.add_option("--counters-from", a.counters_from,
                  "Security counters go on from this UTC time: for a spacecraft whose clock is ahead, which "
                  "takes telecommands for too old (strict link)");
+  app.add_option(
+         "--unverified", a.unverified,
+         "What becomes of TM frames that are not authentic: drop, or mark (their packets are shown as "
+         "UNVERIFIED, and nothing is done with them)")
+      ->check(CLI::IsMember({"drop", "mark"}))
+      ->capture_default_str();
+  app.add_option("--frame-age", a.frame_age_s,
+                 "Seconds after which an authentic TM frame is taken for a recording; 0: never")
+      ->check(CLI::Range(0, 86400))
+      ->capture_default_str();
+  app.add_option(
+      "--frames-from", a.frames_from,
+      "TM frames are taken from this UTC time on, whatever was heard before: for a spacecraft that "
+      "lost the numbers of its frames");
   app.add_option("--fragment", a.fragments,
                  "Dictionary fragment of an added node; may be repeated (also used: STATE/fragments/*.yaml "
                  "and those of the VAR beside the port)")

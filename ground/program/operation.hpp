@@ -58,6 +58,9 @@ struct Arguments {
   unsigned station = 0;
   std::string archive;
   std::string counters_from;
+  std::string unverified = "drop";
+  std::int64_t frame_age_s = FrameTrustOptions{}.age_max.count();
+  std::string frames_from;
   unsigned vr = 0;
   std::string file;
   bool keep_going = false;

@@ -10,6 +10,7 @@ VarFolder::VarFolder() {
   std::filesystem::create_directories(path() / "keys");
   write_key("tc_uplink", std::string(test_key) + "\n");
   write_key("tc_uplink_ad", std::string(ad_test_key) + "\n");
+  write_key("tm_downlink", std::string(tm_test_key) + "\n");
 }
 
 void VarFolder::write_key(const std::string& name, const std::string& text) const {

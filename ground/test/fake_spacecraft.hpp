@@ -42,6 +42,16 @@ inline suite::LinkSettings strict_link() {
   return link;
 }
 
+inline constexpr std::string_view tm_test_key =
+    "404142434445464748494a4b4c4d4e4f505152535455565758595a5b5c5d5e5f";
+
+/// As `sim` has it: strict, and the frames of telemetry are sealed.
+inline suite::LinkSettings sealed_link() {
+  suite::LinkSettings link = strict_link();
+  link.tm_security = suite::TelemetrySecurity{.spi = 16, .key_file = "keys/tm_downlink.key"};
+  return link;
+}
+
 /// The spacecraft's end of the link, as seen from the ground: decodes telecommands and frames telemetry.
 /// Input and output are octets.
 class FakeSpacecraft {
@@ -52,7 +62,8 @@ class FakeSpacecraft {
         ad_key_(*wire::SdlsKey::from_hex(ad_test_key)),
         cltus_({.randomized = link.tc_randomizer}),
         frames_({.spacecraft_id = static_cast<std::uint16_t>(link.spacecraft_id),
-                 .frame_octets = static_cast<std::size_t>(link.tm_frame_length)}) {}
+                 .frame_octets = static_cast<std::size_t>(link.tm_frame_length)},
+                seal_of(link)) {}
 
   /// Returns the telecommands in the uplink octets and appends file PDUs to `pdus`. Only fresh, authentic
   /// telecommands that FARM-1 accepts count.
@@ -139,7 +150,7 @@ class FakeSpacecraft {
     source.bytes(content->second);
     return send(1, 3, 25, source.take());
   }
-  Octets idle() { return wire::encode_cadu(frames_.build_idle(clcw()), format()); }
+  Octets idle() { return wire::encode_cadu(frames_.build_idle(clcw(), next_number()), format()); }
 
   std::vector<Octets> pdus;
   std::optional<std::uint64_t> last_counter;
@@ -150,17 +161,25 @@ class FakeSpacecraft {
   bool deaf = false;                           ///< no telecommand comes through
   bool reports = true;                         ///< send the reports that telecommands order
   std::map<std::uint16_t, Octets> structures;  ///< what is sent when it is asked for
+  std::uint64_t frame_number = 2;  ///< of the next sealed frame; even: says nothing about the time
 
  private:
   Octets send_packet(std::uint8_t vc, const Octets& packet) {
     Octets line;
     if (!frames_.queue_packet(vc, packet)) return line;
     while (frames_.queued_octets(vc) > 0) {
-      const Octets cadu = wire::encode_cadu(frames_.build(vc, clcw()), format());
+      const Octets cadu = wire::encode_cadu(frames_.build(vc, clcw(), next_number()), format());
       line.insert(line.end(), cadu.begin(), cadu.end());
     }
     return line;
   }
+  static std::optional<wire::TmSeal> seal_of(const suite::LinkSettings& link) {
+    if (!link.tm_security) return std::nullopt;
+    return wire::TmSeal{
+        .spi = static_cast<std::uint16_t>(link.tm_security->spi),
+        .authenticator = wire::TmAuthenticator::create(*wire::SdlsKey::from_hex(tm_test_key))};
+  }
+  [[nodiscard]] std::uint64_t next_number() { return std::exchange(frame_number, frame_number + 2); }
   [[nodiscard]] std::uint32_t clcw() const { return wire::encode_clcw(wire::make_clcw(farm, 0)); }
   [[nodiscard]] wire::CaduFormat format() const {
     return {.frame_octets = static_cast<std::size_t>(link_.tm_frame_length),

@@ -269,7 +269,8 @@ TEST(Settings, AreGoodInTheDeploymentsThatShip) {
         std::filesystem::path(SRFS_SOURCE_DIR) / "launch_config" / (std::string(name) + ".yaml");
     EXPECT_EQ(read_settings(ConfigSection::load(file)).key_files,
               (std::vector<std::string>{"keys/tc_uplink.key", "keys/tc_uplink_ad.key", "keys/tc_uplink_b.key",
-                                        "keys/tc_uplink_ad_b.key", "keys/tc_contingency.key"}));
+                                        "keys/tc_uplink_ad_b.key", "keys/tc_contingency.key",
+                                        "keys/tm_downlink.key"}));
   }
 }
 

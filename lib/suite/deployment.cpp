@@ -13,6 +13,8 @@
 namespace srfs::suite {
 namespace {
 
+constexpr int tm_sealed_frame_octets_min = 43;  ///< security fields and an idle packet
+
 Scheduling read_scheduling(const ConfigSection& section) {
   Scheduling s;
   const std::string policy = section.choice("policy", {"other", "fifo", "batch", "idle"}, "other");
@@ -352,6 +354,37 @@ std::string slot_text(const Slot& slot) {
   return text + "}";
 }
 
+namespace {
+
+/// All but finish(). After the telecommand channels.
+std::optional<TelemetrySecurity> read_tm_security(const ConfigSection& tm, const LinkSettings& link) {
+  const bool sealed = tm.choice("sdls", {"none", "strict"}, "none") == "strict";
+  // Of a file that this one is laid over they may stand there without it.
+  TelemetrySecurity security{sealed || tm.has("spi") ? static_cast<int>(tm.integer("spi", 1, 65534)) : 0,
+                             sealed || tm.has("key_file") ? tm.text("key_file") : ""};
+  if (!sealed) return std::nullopt;
+  for (const TelecommandChannel& channel : link.channels) {
+    if (channel.security != ChannelSecurity::sdls) continue;
+    if (channel.spi == security.spi) throw tm.bad("spi", "a number not used by a telecommand channel");
+    if (channel.key_file == security.key_file)
+      throw tm.bad("key_file", "a key not used by a telecommand channel");
+  }
+  if (link.tm_frame_length < tm_sealed_frame_octets_min)
+    throw tm.bad("frame_length", fmt::format("{} at least with sdls", tm_sealed_frame_octets_min));
+  return security;
+}
+
+}  // namespace
+
+std::vector<std::string> key_files_of(const LinkSettings& link) {
+  std::vector<std::string> files;
+  for (const TelecommandChannel& channel : link.channels) {
+    if (channel.security == ChannelSecurity::sdls) files.push_back(channel.key_file);
+  }
+  if (link.tm_security) files.push_back(link.tm_security->key_file);
+  return files;
+}
+
 LinkSettings read_link(const ConfigSection& section) {
   LinkSettings link;
   link.spacecraft_id = static_cast<int>(section.integer("spacecraft_id", 0, 1023, link.spacecraft_id));
@@ -365,7 +398,6 @@ LinkSettings read_link(const ConfigSection& section) {
   }
   link.tm_randomizer = tm.boolean("randomizer", link.tm_randomizer);
   link.tm_continuous = tm.boolean("continuous", link.tm_continuous);
-  tm.finish();
   const ConfigSection tc = section.section("tc");
   link.tc_randomizer = tc.boolean("randomizer", link.tc_randomizer);
   link.tc_correct_single_bits = tc.boolean("correct_single_bits", link.tc_correct_single_bits);
@@ -403,6 +435,8 @@ LinkSettings read_link(const ConfigSection& section) {
     entry.finish();
     link.channels.push_back(channel);
   }
+  link.tm_security = read_tm_security(tm, link);
+  tm.finish();
   section.finish();
   return link;
 }
@@ -558,7 +592,12 @@ std::string unsafe_link(const Deployment& deployment, const std::filesystem::pat
           "line of hardware: make another one",
           deployment.file.string(), channel.key_file, channel.virtual_channel, *why, line->second);
   }
-  return {};
+  const auto& downlink = deployment.link.tm_security;
+  const auto why = downlink ? why_known_key_file(var / downlink->key_file) : std::nullopt;
+  if (!why) return {};
+  return fmt::format(
+      "{}: 'link.tm': everybody may know the key {} ({}), and {} is a line of hardware: make another one",
+      deployment.file.string(), downlink->key_file, *why, line->second);
 }
 
 bool Deployment::on_command_path(const std::string& node) const {

@@ -106,6 +106,12 @@ struct TelecommandChannel {
   AssociationSet set = AssociationSet::a;
 };
 
+/// The association that authenticates TM frames (ICD 3.4).
+struct TelemetrySecurity {
+  int spi = 0;
+  std::string key_file;  ///< relative to VAR
+};
+
 struct LinkSettings {
   int spacecraft_id = 0xAB;
   int baud = 921600;
@@ -114,6 +120,7 @@ struct LinkSettings {
   bool tm_reed_solomon = true;
   bool tm_randomizer = true;
   bool tm_continuous = false;  ///< idle frames when there is nothing to send
+  std::optional<TelemetrySecurity> tm_security = {};
   bool tc_randomizer = false;
   bool tc_correct_single_bits = true;
   bool tc_strict = false;  ///< whole header and control commands authentic, counters are UTC (ICD 2.3)
@@ -218,5 +225,7 @@ struct AddedDescription {
 
 /// Reads the `link` section; also for the ground, which shares it.
 [[nodiscard]] LinkSettings read_link(const ConfigSection& section);
+/// The files of all keys of the link, relative to VAR.
+[[nodiscard]] std::vector<std::string> key_files_of(const LinkSettings& link);
 
 }  // namespace srfs::suite

@@ -81,6 +81,18 @@ bool take_association(const Words& w, RescueSettings& s) {
   return true;
 }
 
+bool take_seal(const Words& w, RescueSettings& s) {
+  if (w.size() != 4) return false;
+  RescueSettings::Seal seal;
+  const auto key = from_hex(w[2]);
+  const bool good = take<std::uint16_t>(w[1], 1, 0xFFFE, seal.spi) && key && key->size() == key_octets &&
+                    take_path(w[3], seal.key_file);
+  if (!good) return false;
+  seal.key = *key;
+  s.seal = std::move(seal);
+  return true;
+}
+
 bool take_open_channel(const Words& w, RescueSettings& s) {
   std::uint8_t vc = 0;
   if (w.size() != 2 || s.open_channels.size() == RescueSettings::most_associations ||
@@ -129,6 +141,7 @@ constexpr std::array keys{
         }},
     Key{"link", true, false, take_link},
     Key{"association", false, true, take_association},
+    Key{"seal", false, false, take_seal},
     Key{"open_channel", false, true, take_open_channel},
     Key{"steps", true, false, take_steps},
 };
@@ -161,6 +174,7 @@ std::string encode(const RescueSettings& s) {
   for (const auto& a : s.associations)
     text += fmt::format("association {} {} {} {} {} {} {}\n", a.vc, a.spi, a.set, flag(a.for_ad),
                         flag(a.for_bd), to_hex(a.key), a.key_file);
+  if (s.seal) text += fmt::format("seal {} {} {}\n", s.seal->spi, to_hex(s.seal->key), s.seal->key_file);
   for (const auto vc : s.open_channels) text += fmt::format("open_channel {}\n", vc);
   text += fmt::format("steps {} {} {} {} {}\n", s.steps.last_good, s.steps.golden, s.steps.rescue,
                       s.steps.calm.count(), s.steps.no_contact.count());

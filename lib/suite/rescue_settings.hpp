@@ -3,6 +3,7 @@
 #pragma once
 
 #include <cstdint>
+#include <optional>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -26,6 +27,13 @@ struct RescueSettings {
     std::string key_file{};  ///< absolute: the key in use now, if it can be read
     friend bool operator==(const Association&, const Association&) = default;
   };
+  /// The association of TM frames.
+  struct Seal {
+    std::uint16_t spi = 0;
+    Octets key = {};         ///< 32
+    std::string key_file{};  ///< as Association::key_file
+    friend bool operator==(const Seal&, const Seal&) = default;
+  };
   std::string var;         ///< absolute, as all paths
   std::string program;     ///< srfs
   std::string deployment;  ///< file
@@ -43,6 +51,7 @@ struct RescueSettings {
   bool tc_correct_single_bits = true;
   bool tc_strict = false;  ///< as UplinkConfig::strict
   std::vector<Association> associations = {};
+  std::optional<Seal> seal = {};                 ///< of TM frames; nullopt: they have no security
   std::vector<std::uint8_t> open_channels = {};  ///< without security: test deployments only
   StepPolicy steps = {};
 

@@ -439,11 +439,13 @@ void take_devices_away(Deployment& deployment) {
 /// Random keys: a test must not need the spacecraft's.
 void replace_keys(Deployment& deployment, const VarPaths& var) {
   std::random_device random;
-  for (TelecommandChannel& channel : deployment.link.channels) {
+  for (TelecommandChannel& channel : deployment.link.channels)
     channel.key_file = fmt::format("keys/self_test_{}.key", channel.spi);
+  if (deployment.link.tm_security) deployment.link.tm_security->key_file = "keys/self_test_tm.key";
+  for (const std::string& key_file : key_files_of(deployment.link)) {
     std::string digits;
     for (int i = 0; i < 8; ++i) digits += fmt::format("{:08x}", random());
-    const auto file = var.root / channel.key_file;
+    const auto file = var.root / key_file;
     if (const auto written = write_file_atomically(file, digits + "\n"); !written)
       throw ConfigError(written.error().message);
     std::filesystem::permissions(file, std::filesystem::perms::owner_read);

@@ -81,7 +81,11 @@ Result<TmFrame, TmFrameError> decode_tm_frame(OctetView octets, std::uint16_t sp
   return frame;
 }
 
-TmFrameBuilder::TmFrameBuilder(Config config) : config_(config) {
+TmFrameBuilder::TmFrameBuilder(Config config, std::optional<TmSeal> seal)
+    : config_(config),
+      seal_(std::move(seal)),
+      field_octets_(config.frame_octets - tm_frame_overhead_octets - (seal_ ? tm_sdls_overhead_octets : 0)) {
+  assert(!seal_ || config.frame_octets >= tm_frame_octets_min + tm_sdls_overhead_octets);
   assert(config.frame_octets >= tm_frame_octets_min && config.frame_octets <= tm_frame_octets_max);
   master_count_ = config.first.master;
   for (std::size_t vc = 0; vc < channels_.size(); ++vc) channels_[vc].frame_count = config.first.vc[vc];
@@ -127,14 +131,13 @@ void TmFrameBuilder::start_packet(Channel& channel, std::size_t room) const {
   ++channel.counters.packets;
 }
 
-Octets TmFrameBuilder::build(std::uint8_t vc, std::uint32_t ocf) {
+Octets TmFrameBuilder::build(std::uint8_t vc, std::uint32_t ocf, std::uint64_t number) {
   assert(vc < tm_idle_vc);
   Channel& channel = channels_[vc];
-  const std::size_t data_octets = config_.frame_octets - tm_frame_overhead_octets;
   TmFrame frame{.vc = vc, .ocf = ocf, .data = {}};
-  frame.data.reserve(data_octets);
-  while (frame.data.size() < data_octets) {
-    const std::size_t room = data_octets - frame.data.size();
+  frame.data.reserve(field_octets_);
+  while (frame.data.size() < field_octets_) {
+    const std::size_t room = field_octets_ - frame.data.size();
     if (channel.carried == channel.current.size()) {
       if (frame.first_header == no_packet_starts) {
         frame.first_header = static_cast<std::uint16_t>(frame.data.size());
@@ -147,34 +150,40 @@ Octets TmFrameBuilder::build(std::uint8_t vc, std::uint32_t ocf) {
     channel.carried += piece.size();
     if (!channel.current_is_idle) channel.queued_octets -= piece.size();
   }
-  return finish(channel, std::move(frame));
+  return finish(channel, std::move(frame), number);
 }
 
-Octets TmFrameBuilder::build_idle(std::uint32_t ocf) {
+Octets TmFrameBuilder::build_idle(std::uint32_t ocf, std::uint64_t number) {
   TmFrame frame{.vc = tm_idle_vc, .first_header = only_idle_data, .ocf = ocf, .data = {}};
-  frame.data.assign(config_.frame_octets - tm_frame_overhead_octets, idle_octet);
-  return finish(channels_[tm_idle_vc], std::move(frame));
+  frame.data.assign(field_octets_, idle_octet);
+  return finish(channels_[tm_idle_vc], std::move(frame), number);
 }
 
-Octets TmFrameBuilder::finish(Channel& channel, TmFrame frame) {
+Octets TmFrameBuilder::finish(Channel& channel, TmFrame frame, std::uint64_t number) {
   frame.spacecraft_id = config_.spacecraft_id;
   frame.master_count = master_count_++;
   frame.vc_count = channel.frame_count++;
   ++channel.counters.frames;
-  return encode_tm_frame(frame);
+  return seal_ ? encode_tm_frame(frame, *seal_, number) : encode_tm_frame(frame);
+}
+
+Result<TmFrame, TmFrameError> TmFrameDecoder::read(OctetView octets) {
+  auto frame = decode_tm_frame(octets, spacecraft_id_, frame_octets_);
+  if (!frame) ++counters_.refused[static_cast<std::size_t>(frame.error())];
+  return frame;
+}
+
+void TmFrameDecoder::take(const TmFrame& frame) {
+  ++counters_.frames;
+  if (last_master_count_) {
+    counters_.lost += static_cast<std::uint8_t>(frame.master_count - *last_master_count_ - 1);
+  }
+  last_master_count_ = frame.master_count;
 }
 
 Result<TmFrame, TmFrameError> TmFrameDecoder::decode(OctetView octets) {
-  auto frame = decode_tm_frame(octets, spacecraft_id_, frame_octets_);
-  if (!frame) {
-    ++counters_.refused[static_cast<std::size_t>(frame.error())];
-    return frame;
-  }
-  ++counters_.frames;
-  if (last_master_count_) {
-    counters_.lost += static_cast<std::uint8_t>(frame->master_count - *last_master_count_ - 1);
-  }
-  last_master_count_ = frame->master_count;
+  auto frame = read(octets);
+  if (frame) take(*frame);
   return frame;
 }
 

@@ -13,6 +13,7 @@
 #include "base/octets.hpp"
 #include "base/result.hpp"
 #include "wire/space_packet.hpp"
+#include "wire/tm_sdls.hpp"
 
 namespace srfs::wire {
 
@@ -90,7 +91,9 @@ class TmFrameBuilder {
     std::uint64_t refused_packets = 0;  ///< queue full
   };
 
-  explicit TmFrameBuilder(Config config);
+  /// @param seal  nullopt: frames as in CCSDS 132.0-B. With one a frame has tm_sdls_overhead_octets less
+  /// room, and frame_octets is tm_frame_octets_min and these at least
+  explicit TmFrameBuilder(Config config, std::optional<TmSeal> seal = std::nullopt);
 
   /// @param vc      0 to 6
   /// @param packet  a whole Space Packet
@@ -101,10 +104,14 @@ class TmFrameBuilder {
   /// Octets the queue of @p vc still takes.
   [[nodiscard]] std::size_t free_octets(std::uint8_t vc) const;
 
+  /// Octets of packets in a frame.
+  [[nodiscard]] std::size_t field_octets() const { return field_octets_; }
+
   /// The next frame of @p vc (0 to 6), from its queue and idle packets. @param ocf the CLCW of the moment
-  [[nodiscard]] Octets build(std::uint8_t vc, std::uint32_t ocf);
+  /// @param number  of a sealed frame: higher than all before
+  [[nodiscard]] Octets build(std::uint8_t vc, std::uint32_t ocf, std::uint64_t number = 0);
   /// A frame of the idle channel: no packets at all.
-  [[nodiscard]] Octets build_idle(std::uint32_t ocf);
+  [[nodiscard]] Octets build_idle(std::uint32_t ocf, std::uint64_t number = 0);
 
   [[nodiscard]] const Counters& counters(std::uint8_t vc) const { return channels_[vc].counters; }
   [[nodiscard]] TmFrameCounts counts() const;
@@ -121,9 +128,11 @@ class TmFrameBuilder {
     Counters counters;
   };
   void start_packet(Channel& channel, std::size_t room) const;
-  Octets finish(Channel& channel, TmFrame frame);
+  Octets finish(Channel& channel, TmFrame frame, std::uint64_t number);
 
   Config config_;
+  std::optional<TmSeal> seal_;
+  std::size_t field_octets_;
   std::array<Channel, tm_vc_count> channels_;
   std::uint8_t master_count_ = 0;
 };
@@ -140,6 +149,10 @@ class TmFrameDecoder {
       : spacecraft_id_(spacecraft_id), frame_octets_(frame_octets) {}
 
   [[nodiscard]] Result<TmFrame, TmFrameError> decode(OctetView octets);
+  /// decode() in two steps, for frames that are verified in between: what is not authentic must not count as
+  /// a frame, nor make others look lost.
+  [[nodiscard]] Result<TmFrame, TmFrameError> read(OctetView octets);
+  void take(const TmFrame& frame);
   [[nodiscard]] const Counters& counters() const { return counters_; }
 
  private:

@@ -85,7 +85,7 @@ TtcCore::TtcCore(Setup setup)
               node_),
       uplink_(std::move(setup.uplink), journal_.link()),
       gate_(setup.persist_deadline, journal_.revision()),
-      downlink_(setup.downlink),
+      downlink_(setup.downlink, std::move(setup.seal)),
       files_(setup.downlink.files_queue_octets / 2),
       beacon_(dictionary_),
       clock_(setup.clock),

@@ -96,7 +96,8 @@ struct CommitStores {
   std::vector<StoreItem> items;
   std::vector<std::uint16_t> bounded;
   std::optional<wire::TmFrameCounts> counts;
-  std::uint64_t told = 0;  ///< serial up to which the ground has, or can ask for, everything
+  std::optional<std::uint64_t> numbers;  ///< the reserve of FrameNumbers
+  std::uint64_t told = 0;                ///< serial up to which the ground has, or can ask for, everything
 };
 /// A batch for the playback channel; items first: what was sent up to now belongs to the period. Answer:
 /// on_store_read() or on_read_refused().
@@ -207,6 +208,7 @@ class TtcCore {
     AcceptanceJournal journal;
     UplinkConfig uplink;
     DownlinkConfig downlink;
+    std::optional<wire::TmSeal> seal{};  ///< of all frames; nullopt: they have no security
     ModeManager mode;
     TransmitterSwitch transmitter;
     CommandLossTimer command_loss;
@@ -261,6 +263,10 @@ class TtcCore {
   /// The next CADU, if one is due and the transmitter may be on. It counts as sent.
   [[nodiscard]] std::optional<Octets> next_cadu(MonotonicTime now);
   [[nodiscard]] wire::TmFrameCounts frame_counts() const { return downlink_.frame_counts(); }
+  /// FrameNumbers::next(); nullopt: frames have no numbers.
+  [[nodiscard]] std::optional<std::uint64_t> next_frame_number() const {
+    return downlink_.sealed() ? std::optional(downlink_.numbers().next()) : std::nullopt;
+  }
   /// To be stored before the first frame.
   [[nodiscard]] wire::TmFrameCounts reserved_counts() {
     return frame_count_reserve_.wanted(downlink_.frame_counts()).value();

@@ -11,6 +11,7 @@ TtcDisk::TtcDisk(Parts parts, Workers workers, TtcCore& core, std::function<void
       answered_(std::move(answered)),
       state_(std::move(parts.state)),
       frame_counts_(std::move(parts.frame_counts)),
+      frame_numbers_(std::move(parts.frame_numbers)),
       stores_(std::move(parts.stores)),
       files_(parts.files),
       workers_(std::move(workers)) {
@@ -96,15 +97,21 @@ void TtcDisk::carry_out(const CommitStores& action) {
         stores_->set_bounded(commit->bounded);
         for (const StoreItem& item : commit->items) stores_->append(item);
         stores_->commit();
-        Committed committed{stores_->status(), {}};
-        if (commit->counts) committed.counts = frame_counts_.store(*commit->counts);
-        return committed;
+        return Committed{stores_->status(), store_frames(*commit)};
       },
       [this, commit](const Committed& committed) {
         core_.on_committed(*commit, committed.status, committed.counts);
         answered_();  // open retrieval may have something to send
       });
   if (!taken) core_.on_commit_refused(action);
+}
+
+Result<void, FileError> TtcDisk::store_frames(const CommitStores& commit) {
+  if (commit.numbers) {
+    const auto stored = frame_numbers_.store(*commit.numbers);
+    if (!stored.durable()) return Err(FileError{stored.problem});
+  }
+  return commit.counts ? frame_counts_.store(*commit.counts) : Result<void, FileError>();
 }
 
 void TtcDisk::carry_out(const ReadStore& action) {

@@ -19,13 +19,14 @@ class TtcDisk {
   struct Parts {
     std::unique_ptr<StoredState> state;
     FrameCountFile frame_counts;
+    StateFile<std::uint64_t> frame_numbers;
     std::unique_ptr<PacketStores> stores;
     FilesFolder::Settings files;
   };
   struct Workers {
     std::shared_ptr<ros::Worker> journal;  ///< telecommands wait for it
     std::shared_ptr<ros::Worker> state;    ///< small synced writes, and reading small files
-    std::shared_ptr<ros::Worker> stores;   ///< packet stores and frame counters
+    std::shared_ptr<ros::Worker> stores;   ///< packet stores, counters and numbers of frames
     std::shared_ptr<ros::Worker> files;    ///< CFDP, PUS 23, products of imaging
   };
   /// Opens the packet stores. @param core  outlives it. @param answered  called after each answer
@@ -54,10 +55,14 @@ class TtcDisk {
   void close();
 
  private:
+  /// Where counters and numbers of frames may go on. On the stores' worker.
+  [[nodiscard]] Result<void, FileError> store_frames(const CommitStores& commit);
+
   TtcCore& core_;
   std::function<void()> answered_;
   std::unique_ptr<StoredState> state_;
   FrameCountFile frame_counts_;
+  StateFile<std::uint64_t> frame_numbers_;
   std::unique_ptr<PacketStores> stores_;
   FilesFolder files_;
   Workers workers_;  ///< end first: their jobs use all above

@@ -82,6 +82,13 @@ bool TtcNode::write_outgoing() {
   return true;
 }
 
+/// Before the frame leaves: whatever ends this process, the next one uses no number again.
+void TtcNode::note_frame() {
+  if (!frame_counts_) return;
+  frame_counts_->write(core_->frame_counts());
+  if (const auto next = core_->next_frame_number()) frame_counts_->write_number(*next);
+}
+
 void TtcNode::pump_downlink() {
   bool again = false;
   do {
@@ -91,7 +98,7 @@ void TtcNode::pump_downlink() {
       auto cadu = core_->next_cadu(monotonic_now());
       if (!cadu) break;
       outgoing_ = std::move(*cadu);
-      if (frame_counts_) frame_counts_->write(core_->frame_counts());
+      note_frame();
     }
     // The last playback frame may just have left.
     again = !again && core_->wants_playback();

@@ -48,8 +48,8 @@ class TtcNode : public suite::Node {
 
  private:
   // Set-up (ttc_setup.cpp)
-  [[nodiscard]] TtcCore::Setup read_setup(StoredState& state, const FrameCountFile& frame_counts,
-                                          UplinkConfig channels, DownlinkConfig downlink);
+  [[nodiscard]] TtcCore::Setup read_setup(TtcDisk::Parts& parts, UplinkConfig channels,
+                                          DownlinkConfig downlink);
   void subscribe();
   [[nodiscard]] std::vector<std::shared_ptr<void>> listen_to(const std::string& node);
   void start_periods();
@@ -61,6 +61,7 @@ class TtcNode : public suite::Node {
   /// @return false: an outer call carries them out
   bool run(TtcCore::Actions actions);
   void pump_downlink();
+  void note_frame();
   bool write_outgoing();
   /// @return whether the line was found empty; false: more may wait
   bool read_line();

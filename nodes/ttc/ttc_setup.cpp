@@ -62,14 +62,16 @@ Result<wire::SdlsKey, std::string> read_key(const std::filesystem::path& path, b
   return std::move(*key);
 }
 
+bool on_hardware_line(const suite::Deployment& deployment, const std::filesystem::path& root) {
+  const auto line = deployment.devices.find("rs422");
+  return line != deployment.devices.end() && suite::is_hardware_line(line->second, root);
+}
+
 Result<UplinkConfig, std::string> read_channels(const suite::Deployment& deployment,
                                                 const std::filesystem::path& root,
                                                 std::vector<TtcCore::UnusableKey>& unusable_keys) {
   const suite::LinkSettings& settings = deployment.link;
   if (auto unsafe = suite::unsafe_link(deployment, root); !unsafe.empty()) return Err(std::move(unsafe));
-  const auto line = deployment.devices.find("rs422");
-  const bool is_hardware_line =
-      line != deployment.devices.end() && suite::is_hardware_line(line->second, root);
   UplinkConfig config;
   config.spacecraft_id = static_cast<std::uint16_t>(settings.spacecraft_id);
   config.strict = settings.tc_strict;
@@ -84,7 +86,7 @@ Result<UplinkConfig, std::string> read_channels(const suite::Deployment& deploym
       channel = config.channels.end() - 1;
     }
     if (entry.security == suite::ChannelSecurity::none) continue;
-    auto key = read_key(root / entry.key_file, is_hardware_line);
+    auto key = read_key(root / entry.key_file, on_hardware_line(deployment, root));
     const auto spi = static_cast<std::uint16_t>(entry.spi);
     if (!key) {
       unusable_keys.push_back({.spi = spi, .vc = vc, .why = key.error()});
@@ -123,6 +125,23 @@ Result<UplinkConfig, std::string> read_channels(const suite::Deployment& deploym
         deployment.file.string(), key_of(shared->first), key_of(shared->second)));
   }
   return config;
+}
+
+/// What frames are sealed with. Without its key telemetry goes down all the same, and the event says why the
+/// ground cannot verify it.
+std::optional<wire::TmSeal> read_seal(const suite::Deployment& deployment, const std::filesystem::path& root,
+                                      const UplinkConfig& uplink,
+                                      std::vector<TtcCore::UnusableKey>& unusable_keys) {
+  const auto& security = deployment.link.tm_security;
+  if (!security) return std::nullopt;
+  wire::TmSeal seal{.spi = static_cast<std::uint16_t>(security->spi), .authenticator = {}};
+  auto key = read_key(root / security->key_file, on_hardware_line(deployment, root));
+  if (key && is_key_of(uplink, *key))
+    key = Err(fmt::format("{}: a telecommand channel has this key, too", security->key_file));
+  if (key) seal.authenticator = wire::TmAuthenticator::create(std::move(*key));
+  if (!seal.authenticator)
+    unusable_keys.push_back({.spi = seal.spi, .vc = 0, .why = key ? "the cipher failed" : key.error()});
+  return seal;
 }
 
 Result<DownlinkConfig, std::string> read_downlink(const suite::Deployment& deployment) {
@@ -180,7 +199,23 @@ wire::TmFrameCounts open_frame_counts(const FrameCountFile& file, const suite::V
   return counts;
 }
 
+/// Where the numbers of sealed frames go on. Blocks until a reserve for the first minute is on the disk.
+FrameNumbers open_frame_numbers(StateFile<std::uint64_t>& file, const std::optional<FrameCountPage>& page) {
+  const auto found = file.load();
+  const auto in_memory = page ? page->read_number() : std::nullopt;
+  const UtcTime clock = system_utc_now();
+  if (found.existed() && !found.state && !in_memory)
+    log::error("the numbers of TM frames are lost: they go on from this computer's clock");
+  FrameNumbers numbers(first_frame_number(in_memory, found.state, clock));
+  const std::uint64_t reserve = numbers.wanted(std::nullopt).value();
+  if (const auto stored = file.store(reserve); !stored.durable())
+    log::error("{}: a reset of the computer may use numbers of TM frames again", stored.problem);
+  numbers.on_reserved(reserve);
+  return numbers;
+}
+
 void say_how_the_link_is_secured(const suite::LinkSettings& link) {
+  if (link.tm_security) log::info("TM frames: SDLS, SPI {}", link.tm_security->spi);
   for (const suite::TelecommandChannel& channel : link.channels) {
     if (channel.security == suite::ChannelSecurity::none) {
       log::warn(
@@ -238,11 +273,13 @@ TtcNode::TtcNode(suite::NodeContext& context) : Node(context), added_(list_of(de
   });
 }
 
-TtcCore::Setup TtcNode::read_setup(StoredState& state, const FrameCountFile& frame_counts,
-                                   UplinkConfig channels, DownlinkConfig downlink) {
+TtcCore::Setup TtcNode::read_setup(TtcDisk::Parts& parts, UplinkConfig channels, DownlinkConfig downlink) {
+  StoredState& state = *parts.state;
   const auto parameter = [this](const char* name) { return milliseconds(get_parameter<std::int64_t>(name)); };
   const bool ran = state.ran_before(var().root / "store");
-  downlink.first_counts = open_frame_counts(frame_counts, var(), frame_counts_);
+  downlink.first_counts = open_frame_counts(parts.frame_counts, var(), frame_counts_);
+  if (deployment().link.tm_security)
+    downlink.numbers = open_frame_numbers(parts.frame_numbers, frame_counts_);
   std::vector<TtcCore::KeyNews> key_news;
   KeySelection keys = state.load_keys(channels, key_news);
   const MissionMode initial = initial_mode(get_parameter<std::string>("initial_mode"), deployment().file);
@@ -289,6 +326,7 @@ ros::CallbackReturn TtcNode::on_configure() {
     set_failure_reason(downlink.error());
     return ros::CallbackReturn::failure;
   }
+  auto seal = read_seal(deployment(), var().root, *channels, unusable_keys);
   auto line =
       hw::open_serial(device("rs422"), static_cast<std::uint32_t>(deployment().link.baud), var().root);
   if (!line) {
@@ -303,6 +341,7 @@ ros::CallbackReturn TtcNode::on_configure() {
   };
   TtcDisk::Parts parts{.state = std::make_unique<StoredState>(state_dir()),
                        .frame_counts = FrameCountFile(state_dir() / "frame_counts"),
+                       .frame_numbers = frame_number_file(state_dir() / "frame_numbers"),
                        .stores = std::make_unique<PacketStores>(added_.dictionary(), var().root / "store"),
                        .files = {.root = var().root / "files",
                                  .images = var().root / "images",
@@ -313,7 +352,8 @@ ros::CallbackReturn TtcNode::on_configure() {
                                  .first_transaction = [] {
                                    return static_cast<std::uint32_t>(system_utc_now().ns() / 1'000'000'000);
                                  }}};
-  TtcCore::Setup setup = read_setup(*parts.state, parts.frame_counts, std::move(*channels), *downlink);
+  TtcCore::Setup setup = read_setup(parts, std::move(*channels), *downlink);
+  setup.seal = std::move(seal);
   setup.unusable_keys = std::move(unusable_keys);
   core_ = std::make_unique<TtcCore>(std::move(setup));
   core_->set_ignored_causes(get_parameter<std::vector<std::string>>("ignored_causes"));

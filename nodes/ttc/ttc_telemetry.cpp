@@ -61,7 +61,8 @@ std::optional<Report> TtcCore::own_event(mission::EventSeverity severity, std::u
 std::optional<Octets> TtcCore::next_cadu(MonotonicTime now) {
   now_ = now;
   if (!transmitter_.may_transmit(now)) return std::nullopt;
-  auto cadu = downlink_.next(now, [this] { return uplink_.next_clcw(); });
+  auto cadu = downlink_.next(
+      now, [this] { return uplink_.next_clcw(); }, valid_utc());
   if (cadu) send_time_report();
   return cadu;
 }
@@ -95,17 +96,19 @@ void TtcCore::commit_stores(bool line_empty, MonotonicTime now) {
   act(CommitStores{.items = std::exchange(to_store_, {}),
                    .bounded = stores_.bounded(),
                    .counts = frame_count_reserve_.wanted(downlink_.frame_counts()),
+                   .numbers = downlink_.sealed() ? downlink_.numbers().wanted(valid_utc()) : std::nullopt,
                    .told = all_left ? journal_.said() : 0});
 }
 
 void TtcCore::on_committed(const CommitStores& commit, const PacketStoresStatus& status,
                            const Result<void, FileError>& counts) {
   commit_running_ = false;
-  if (commit.counts) {
-    if (counts) frame_count_reserve_.on_stored(*commit.counts);
+  if (commit.counts || commit.numbers) {
+    if (counts && commit.counts) frame_count_reserve_.on_stored(*commit.counts);
+    if (counts && commit.numbers) downlink_.numbers().on_reserved(*commit.numbers);
     if (!counts && frame_counts_stored_)
       log(LogLine::Level::warn,
-          counts.error().message + ": a reset of the computer may use TM frame counters twice");
+          counts.error().message + ": a reset of the computer may use counters of TM frames twice");
     frame_counts_stored_ = counts.has_value();
   }
   if (status.failure.empty()) journal_.on_told(commit.told);

@@ -130,7 +130,7 @@ bool stays(const fs::path& below_state) {
   if (node == "boot" || name.starts_with("incarnation")) return true;
   if (node == "ring") return name.starts_with("faults.log");
   if (node != "ttc") return false;
-  return of_ttc.contains(name) || name.starts_with("key_selection");
+  return of_ttc.contains(name) || name.starts_with("key_selection") || name.starts_with("frame_numbers");
 }
 
 struct Replacement {
@@ -390,10 +390,13 @@ FilesResult<MendCount> RecoveryFiles::mend(Mend what) const {
 // ---------------------------------------------------------------- files of the ground
 
 bool RecoveryFiles::is_key(const fs::path& path) const {
-  return std::any_of(settings_.associations.begin(), settings_.associations.end(), [&](const auto& a) {
+  const auto is = [&path](const auto& association) {
+    const std::string& file = association.key_file;
     std::error_code ec;
-    return path == a.key_file || path == real(a.key_file) || fs::equivalent(path, a.key_file, ec);
-  });
+    return path == file || path == real(file) || fs::equivalent(path, file, ec);
+  };
+  return (settings_.seal && is(*settings_.seal)) ||
+         std::any_of(settings_.associations.begin(), settings_.associations.end(), is);
 }
 
 bool RecoveryFiles::may_be_restored(const fs::path& path) const {

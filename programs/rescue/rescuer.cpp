@@ -32,15 +32,26 @@ constexpr std::uint64_t uplink_quota_octets = 256U << 20;
 constexpr std::uint64_t free_floor_octets = 1U << 20;
 constexpr std::size_t files_queue_octets = 32U << 10;
 
+Octets key_in_use(const std::string& file, const Octets& otherwise) {
+  auto text = read_file(file, 4096);
+  if (!text) return otherwise;
+  while (!text->empty() && (text->back() == '\n' || text->back() == '\r')) text->pop_back();
+  auto key = from_hex(*text);
+  return key && key->size() == otherwise.size() ? *key : otherwise;
+}
+
 /// The key in use, where its file has one; else the one the settings were made with. Of the contingency
 /// association always that: it is for the case that files are lost.
 Octets key_of(const suite::RescueSettings::Association& association) {
-  if (association.set == 'c') return association.key;
-  auto text = read_file(association.key_file, 4096);
-  if (!text) return association.key;
-  while (!text->empty() && (text->back() == '\n' || text->back() == '\r')) text->pop_back();
-  auto key = from_hex(*text);
-  return key && key->size() == association.key.size() ? *key : association.key;
+  return association.set == 'c' ? association.key : key_in_use(association.key_file, association.key);
+}
+
+std::optional<wire::TmSeal> seal_of(const suite::RescueSettings& settings) {
+  if (!settings.seal) return std::nullopt;
+  wire::TmSeal seal{.spi = settings.seal->spi, .authenticator = {}};
+  auto key = wire::SdlsKey::from_hex(to_hex(key_in_use(settings.seal->key_file, settings.seal->key)));
+  if (key) seal.authenticator = wire::TmAuthenticator::create(std::move(*key));
+  return seal;
 }
 
 UplinkConfig uplink_of(const suite::RescueSettings& settings) {
@@ -87,7 +98,8 @@ UplinkConfig uplink_of(const suite::RescueSettings& settings) {
   return config;
 }
 
-DownlinkConfig downlink_of(const suite::RescueSettings& settings, const FrameCountFile& counts) {
+DownlinkConfig downlink_of(const suite::RescueSettings& settings, const FrameCountFile& counts,
+                           StateFile<std::uint64_t>& numbers) {
   DownlinkConfig config;
   config.spacecraft_id = settings.spacecraft;
   config.baud = settings.baud;
@@ -98,6 +110,8 @@ DownlinkConfig downlink_of(const suite::RescueSettings& settings, const FrameCou
   config.continuous = settings.tm_continuous;
   config.files_queue_octets = files_queue_octets;
   config.first_counts = counts.load().value_or(wire::TmFrameCounts{});
+  if (settings.seal)
+    config.numbers = FrameNumbers(first_frame_number(std::nullopt, numbers.load().state, system_utc_now()));
   return config;
 }
 
@@ -123,7 +137,8 @@ Result<std::unique_ptr<Rescuer>, std::string> Rescuer::create(const suite::Rescu
                                 .reed_solomon = settings.reed_solomon,
                                 .interleave = settings.interleave,
                                 .randomize = settings.tm_randomizer};
-  if (settings.frame_octets < wire::tm_frame_octets_min || !wire::is_valid(format))
+  const std::size_t sealing = settings.seal ? wire::tm_sdls_overhead_octets : 0;
+  if (settings.frame_octets < wire::tm_frame_octets_min + sealing || !wire::is_valid(format))
     return Err(std::string("the frame length does not fit the coding"));
   Devices devices;
   auto line = hw::open_serial(settings.rs422, settings.baud, settings.var);
@@ -151,7 +166,8 @@ Rescuer::Rescuer(const suite::RescueSettings& settings, suite::StepRecord step, 
       uplink_(uplink_of(settings), link_store_.load(now)),
       transmitter_(read_transmitter(settings, now)),
       frame_count_file_(std::filesystem::path(settings.var) / "state/ttc/frame_counts"),
-      downlink_(downlink_of(settings, frame_count_file_)),
+      frame_number_file_(frame_number_file(std::filesystem::path(settings.var) / "state/ttc/frame_numbers")),
+      downlink_(downlink_of(settings, frame_count_file_, frame_number_file_), seal_of(settings)),
       clock_(system_utc_now(), now),
       exchange_(files_queue_octets / 2),
       file_manager_(std::filesystem::path(settings.var) / "files"),
@@ -159,6 +175,7 @@ Rescuer::Rescuer(const suite::RescueSettings& settings, suite::StepRecord step, 
       contact_(now),
       beacon_at_(now),
       feed_at_(now) {
+  reserve_frames();
   if (transmitter_.may_transmit(now)) return;
   log::warn("the transmitter stays off for {} s", whole_seconds(transmitter_.rest(now)));
   // A silence that begins anew with this boot must not do so with the next.
@@ -289,9 +306,16 @@ void Rescuer::pump(MonotonicTime now) {
     if (!cadu) break;
     outgoing_ = std::move(*cadu);
   }
+  reserve_frames();
+}
+
+void Rescuer::reserve_frames() {
   if (const auto counts = frame_count_reserve_.wanted(downlink_.frame_counts())) {
     if (frame_count_file_.store(*counts)) frame_count_reserve_.on_stored(*counts);
   }
+  // The clock of this computer is no valid time: numbers go on from those that were reserved.
+  const auto numbers = downlink_.sealed() ? downlink_.numbers().wanted(std::nullopt) : std::nullopt;
+  if (numbers && frame_number_file_.store(*numbers).durable()) downlink_.numbers().on_reserved(*numbers);
 }
 
 // ---------------------------------------------------------------- telemetry

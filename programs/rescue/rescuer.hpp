@@ -8,6 +8,7 @@
 #include <string>
 
 #include "base/result.hpp"
+#include "base/state_file.hpp"
 #include "base/time.hpp"
 #include "cfdp/transfer_folders.hpp"
 #include "hw/serial_port.hpp"
@@ -56,6 +57,8 @@ class Rescuer {
   void take_order(const UplinkedPacket& uplinked, MonotonicTime now);
   void store_link(const LinkState& link);
   void pump(MonotonicTime now);
+  /// Counters and numbers of the frames to come.
+  void reserve_frames();
   void wait(MonotonicTime now);
   /// Before the end: everything acknowledged is on the disk.
   [[nodiscard]] RescueEnd finish(RescueEnd end);
@@ -99,6 +102,7 @@ class Rescuer {
   TransmitterSwitch transmitter_;
   FrameCountFile frame_count_file_;
   FrameCountReserve frame_count_reserve_;
+  StateFile<std::uint64_t> frame_number_file_;
   DownlinkScheduler downlink_;
   PacketMaker packets_;
   SpacecraftClock clock_;

@@ -242,7 +242,9 @@ void examine_keys(Examination& x) {
         }
         continue;
       }
-      const fs::path path = x.var / channel.key_file;
+    }
+    for (const std::string& file : suite::key_files_of(x.deployment.link)) {
+      const fs::path path = x.var / file;
       examine_key(x, path, true, reader, simulated,
                   fmt::format("install -d -m 0700 {} && (umask 077; openssl rand -hex 32 > {})",
                               path.parent_path().string(), path.string()));

@@ -25,6 +25,17 @@ std::string text_of_device(const suite::Deployment& deployment, const std::strin
   return device == deployment.devices.end() ? "" : device->second;
 }
 
+/// @param file absolute
+Result<Octets, std::string> key_in(const std::string& file) {
+  auto text = read_file(file, 4096);
+  if (!text) return Err(text.error().message);
+  while (!text->empty() && (text->back() == '\n' || text->back() == '\r')) text->pop_back();
+  const auto key = from_hex(*text);
+  std::fill(text->begin(), text->end(), '\0');
+  if (!key || key->size() != 32) return Err(fmt::format("{}: expected 64 hexadecimal digits", file));
+  return *key;
+}
+
 Result<suite::RescueSettings::Association, std::string> association_of(const suite::TelecommandChannel& entry,
                                                                        const suite::LinkSettings& link,
                                                                        const std::filesystem::path& var) {
@@ -44,14 +55,9 @@ Result<suite::RescueSettings::Association, std::string> association_of(const sui
       .for_ad = alone || first->spi != entry.spi,
       .for_bd = alone || first->spi == entry.spi,
       .key_file = (var / entry.key_file).lexically_normal().string()};
-  auto text = read_file(association.key_file, 4096);
-  if (!text) return Err(text.error().message);
-  while (!text->empty() && (text->back() == '\n' || text->back() == '\r')) text->pop_back();
-  const auto key = from_hex(*text);
-  std::fill(text->begin(), text->end(), '\0');
-  if (!key || key->size() != 32)
-    return Err(fmt::format("{}: expected 64 hexadecimal digits", association.key_file));
-  association.key = *key;
+  auto key = key_in(association.key_file);
+  if (!key) return Err(key.error());
+  association.key = std::move(*key);
   return association;
 }
 
@@ -116,6 +122,15 @@ Result<suite::RescueSettings, std::string> rescue_settings_of(const Target& targ
     auto association = association_of(entry, link, target.var.root);
     if (!association) return Err(association.error());
     s.associations.push_back(std::move(*association));
+  }
+  if (link.tm_security) {
+    suite::RescueSettings::Seal seal{
+        .spi = static_cast<std::uint16_t>(link.tm_security->spi),
+        .key_file = (target.var.root / link.tm_security->key_file).lexically_normal().string()};
+    auto key = key_in(seal.key_file);
+    if (!key) return Err(key.error());
+    seal.key = std::move(*key);
+    s.seal = std::move(seal);
   }
   // Whatever cannot be read back (a path with a space) is found now, not in orbit.
   const auto read = suite::decode_rescue_settings(encode(s));

@@ -122,6 +122,13 @@ function link_panel(context, options) {
       `${locked ? "in step" : "none"}; ${stats.frames ?? 0}, ${stats.bad_frames ?? 0} bad, ${stats.lost_frames ?? 0} lost`,
       { kind: locked ? (stats.bad_frames || stats.lost_frames ? "yellow" : "ok") : "red" },
     );
+    if (stats.authenticated) {
+      const refused = (stats.forged_frames ?? 0) + (stats.replayed_frames ?? 0) + (stats.old_frames ?? 0);
+      rows.set("authentic", `${stats.frames ?? 0} verified, ${refused} refused`, {
+        kind: refused ? "red" : "ok",
+        title: `${stats.forged_frames ?? 0} forged, ${stats.replayed_frames ?? 0} replayed, ${stats.old_frames ?? 0} too old`,
+      });
+    }
     rows.set("last packet", newest === Infinity ? "never" : `${span_text(newest)} ago`, {
       kind: newest > 60000 ? "red" : newest > 15000 ? "yellow" : "ok",
     });

@@ -130,6 +130,29 @@ TEST_F(DeploymentTest, ErrorsNameFileLineKeyAndWhatWasExpected) {
             std::string::npos);
 }
 
+TEST_F(DeploymentTest, SealedFramesHaveAnAssociationOfTheirOwnAndRoomForIt) {
+  const std::string channels = "  tc_channels: [{vc: 0, security: sdls, spi: 1, key_file: a.key}]\n";
+  const auto error_with = [&](const std::string& tm) {
+    return error_of("deployment: x\n" + node + "link:\n" + channels + "  tm: {" + tm + "}\n");
+  };
+  EXPECT_EQ(error_with("sdls: strict, spi: 16, key_file: tm.key"), "no error");
+  EXPECT_EQ(error_with("sdls: none, spi: 1, key_file: a.key"), "no error") << "of a file it is laid over";
+  EXPECT_EQ(error_with("sdls: strict, spi: 1, key_file: tm.key"),
+            "d.yaml:6: 'link.tm.spi': expected a number not used by a telecommand channel, found '1'");
+  EXPECT_EQ(error_with("sdls: strict, spi: 16, key_file: a.key"),
+            "d.yaml:6: 'link.tm.key_file': expected a key not used by a telecommand channel, found 'a.key'");
+  EXPECT_NE(error_with("sdls: strict, spi: 16"), "no error");
+  EXPECT_EQ(error_with("sdls: strict, spi: 16, key_file: tm.key, reed_solomon: false, frame_length: 42"),
+            "d.yaml:6: 'link.tm.frame_length': expected 43 at least with sdls, found '42'");
+
+  ASSERT_TRUE(write_file_atomically(
+      folder_ / "d.yaml",
+      "deployment: x\n" + node + "link:\n" + channels + "  tm: {sdls: strict, spi: 16, key_file: tm.key}\n"));
+  const LinkSettings link = Deployment::load(folder_ / "d.yaml").link;
+  EXPECT_EQ(link.tm_security->spi, 16);
+  EXPECT_EQ(key_files_of(link), (std::vector<std::string>{"a.key", "tm.key"}));
+}
+
 TEST_F(DeploymentTest, TheRingIsTheStartOrderUnlessTheFileSaysOtherwiseAndOffWithoutTheSection) {
   const auto load = [&](const std::string& ring) {
     EXPECT_TRUE(write_file_atomically(folder_ / "d.yaml", "deployment: x\n" + node + ring));

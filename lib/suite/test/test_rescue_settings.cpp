@@ -24,6 +24,7 @@ RescueSettings example() {
   settings.frame_octets = 223;
   settings.associations = {{.spi = 1, .for_ad = false, .key = Octets(32, 7), .key_file = "/var/k"},
                            {.spi = 5, .set = 'c', .key = Octets(32, 9), .key_file = "/var/c"}};
+  settings.seal = RescueSettings::Seal{.spi = 16, .key = Octets(32, 11), .key_file = "/var/tm"};
   return settings;
 }
 
@@ -37,6 +38,13 @@ TEST(RescueSettingsFile, IsReadAsItWasWritten) {
   const auto read = decode_rescue_settings(encode(example()));
   ASSERT_TRUE(read) << read.error();
   EXPECT_EQ(*read, example());
+}
+
+TEST(RescueSettingsFile, OfALinkWithoutSealsSaysNothingOfThem) {
+  RescueSettings settings = example();
+  settings.seal.reset();
+  EXPECT_EQ(encode(settings).find("seal"), std::string::npos);
+  EXPECT_EQ(decode_rescue_settings(encode(settings)), settings);
 }
 
 TEST(RescueSettingsFile, NoBitOfItCanChangeUnseen) {
@@ -58,6 +66,7 @@ TEST(RescueSettingsFile, RefusesWhatItsOwnWriterWouldNotWrite) {
     return decode_rescue_settings(with_digest(other));
   };
   EXPECT_EQ(changed("var /var", "var var").error(), "line 2: bad values of 'var'");
+  EXPECT_NE(changed("seal 16 ", "seal 0 ").error().find("bad values of 'seal'"), std::string::npos);
   EXPECT_EQ(changed("steps 3 6 9", "steps 3 3 9").error(), "line 10: bad values of 'steps'");
   EXPECT_EQ(changed("deployment", "deploymemt").error(), "line 4: no such key");
   EXPECT_EQ(changed("link 171", "link 1024").error(), "line 7: bad values of 'link'");

@@ -111,6 +111,27 @@ Octets tm_idle_frame() {
   TmFrameBuilder builder({.spacecraft_id = spacecraft, .frame_octets = 40});
   return builder.build_idle(0x01040006);
 }
+TmSeal counting_seal() {
+  return {.spi = 16, .authenticator = TmAuthenticator::create(counting_key())};
+}
+Octets sealed_frame_with_packet() {
+  Octets data = encode_space_packet({.apid = 0x2A, .sequence_count = 1}, octets_of("deadbeef"));
+  const Octets idle = make_idle_packet(28 - data.size(), 0x55);
+  data.insert(data.end(), idle.begin(), idle.end());
+  TmSeal seal = counting_seal();
+  return encode_tm_frame({.spacecraft_id = spacecraft,
+                          .vc = 2,
+                          .master_count = 17,
+                          .vc_count = 34,
+                          .first_header = 0,
+                          .ocf = 0x01040006,
+                          .data = data},
+                         seal, 0x0343DCACBC01);
+}
+Octets sealed_idle_frame() {
+  TmFrameBuilder builder({.spacecraft_id = spacecraft, .frame_octets = 68}, counting_seal());
+  return builder.build_idle(0x01040006, 0x0343DCACBC03);
+}
 Octets cuc(const char* utc) {
   const auto time = encode_cuc(tai(utc));
   return {time.begin(), time.end()};
@@ -179,6 +200,10 @@ const std::map<std::string, std::function<Octets()>>& makers() {
       {"TM frame, length 40, vc1 mc 17 vc 34, packet + idle, OCF 01040006", tm_frame_with_packet},
       // Forty octets with a correct FECF; the length in the vector's name is wrong.
       {"TM idle frame vc7, length 68", tm_idle_frame},
+      {"Sealed TM frame, length 64, SPI 16, number 0343dcacbc01, vc 2 mc 17 vc 34, packet + idle, OCF "
+       "01040006",
+       sealed_frame_with_packet},
+      {"Sealed TM idle frame vc7, length 68, SPI 16, number 0343dcacbc03, OCF 01040006", sealed_idle_frame},
       {"RS(255,223) dual basis parity of 00..de", [] { return rs_parity(counting(223)); }},
       {"RS(255,223) dual basis parity of ff x 223", [] { return rs_parity(Octets(223, 0xFF)); }},
       {"SDLS key 000102..1f, SPI 4, AES-256-GCM, IV 1, BD ping",
@@ -261,6 +286,21 @@ TEST(GroundLinkVectors, FramesAreReadBack) {
       EXPECT_EQ(encode_tm_frame(*frame), octets) << name;
     }
   }
+}
+
+TEST(GroundLinkVectors, SealedFramesAreOpened) {
+  TmSeal seal = counting_seal();
+  unsigned opened = 0;
+  for (const auto& [name, octets] : link_vectors()) {
+    if (!name.starts_with("Sealed TM")) continue;
+    auto frame = decode_tm_frame(octets, spacecraft, octets.size());
+    ASSERT_TRUE(frame) << name;
+    const auto number = tm_sdls_open(octets, *frame, 16, *seal.authenticator);
+    ASSERT_TRUE(number) << name << ": " << to_string(number.error());
+    EXPECT_EQ(encode_tm_frame(*frame, seal, *number), octets) << name;
+    ++opened;
+  }
+  EXPECT_EQ(opened, 2U);
 }
 
 TEST(GroundLinkVectors, CltusAreReadBack) {

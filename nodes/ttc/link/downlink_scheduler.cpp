@@ -20,15 +20,16 @@ nanoseconds flush_beside_others(const DownlinkConfig& config) {
 
 }  // namespace
 
-DownlinkScheduler::DownlinkScheduler(DownlinkConfig config)
+DownlinkScheduler::DownlinkScheduler(DownlinkConfig config, std::optional<wire::TmSeal> seal)
     : config_(config),
-      field_octets_(config.cadu.frame_octets - wire::tm_frame_overhead_octets),
+      sealed_(seal.has_value()),
       flush_beside_others_(flush_beside_others(config)),
       frames_({.spacecraft_id = config.spacecraft_id,
                .frame_octets = config.cadu.frame_octets,
                .queue_octets_max = std::max(
                    {config.live_queue_octets, config.playback_queue_octets, config.files_queue_octets}),
-               .first = config.first_counts}),
+               .first = config.first_counts},
+              std::move(seal)),
       pacer_(config.baud, wire::cadu_octets(config.cadu)) {
   channels_[vc(DownlinkChannel::live)].capacity = config.live_queue_octets;
   channels_[vc(DownlinkChannel::playback)].capacity = config.playback_queue_octets;
@@ -63,7 +64,7 @@ bool DownlinkScheduler::empty(DownlinkChannel channel) const {
 }
 
 bool DownlinkScheduler::fills_a_frame(DownlinkChannel channel) const {
-  return frames_.queued_octets(vc(channel)) >= field_octets_;
+  return frames_.queued_octets(vc(channel)) >= field_octets();
 }
 
 MonotonicTime DownlinkScheduler::ready_at(DownlinkChannel channel) const {
@@ -93,17 +94,19 @@ std::optional<DownlinkChannel> DownlinkScheduler::choose(MonotonicTime now) {
   return take_files ? DownlinkChannel::files : DownlinkChannel::playback;
 }
 
-std::optional<Octets> DownlinkScheduler::next(MonotonicTime now, const std::function<std::uint32_t()>& clcw) {
+std::optional<Octets> DownlinkScheduler::next(MonotonicTime now, const std::function<std::uint32_t()>& clcw,
+                                              std::optional<UtcTime> utc) {
   if (!pacer_.has_room(now)) return std::nullopt;
   auto channel = choose(now);
   if (!channel && config_.continuous) channel = first_with_packets();
+  const auto number = [&] { return sealed_ ? config_.numbers.take(utc) : 0; };
   Octets frame;
   if (channel) {
-    frame = frames_.build(vc(*channel), clcw());
+    frame = frames_.build(vc(*channel), clcw(), number());
     // What did not fit waits for company again, unless it is urgent.
     channels_[vc(*channel)].waits_since = now;
   } else if (config_.continuous || (control_word_by_ && *control_word_by_ <= now)) {
-    frame = frames_.build_idle(clcw());
+    frame = frames_.build_idle(clcw(), number());
     ++idle_frames_;
   } else {
     return std::nullopt;

@@ -9,6 +9,7 @@
 
 #include "base/octets.hpp"
 #include "base/time.hpp"
+#include "nodes/ttc/link/frame_numbers.hpp"
 #include "nodes/ttc/link/line_pacer.hpp"
 #include "wire/cadu.hpp"
 #include "wire/tm_frame.hpp"
@@ -31,6 +32,7 @@ struct DownlinkConfig {
   /// that one its share. At most a second.
   unsigned flush_after_cadus = 32;
   wire::TmFrameCounts first_counts{};
+  FrameNumbers numbers{};   ///< of sealed frames
   bool continuous = false;  ///< the line is never silent: what is there goes at once, else an idle frame
   unsigned live_frames_per_other = 7;  ///< minimum share of the others: one frame after so many live ones
 };
@@ -51,7 +53,8 @@ struct DownlinkCounters {
 class DownlinkScheduler {
  public:
   /// @param config its CADU format is valid and the frame long enough (wire::tm_frame_octets_min)
-  explicit DownlinkScheduler(DownlinkConfig config);
+  /// @param seal  of all frames; nullopt: they have no security
+  explicit DownlinkScheduler(DownlinkConfig config, std::optional<wire::TmSeal> seal = std::nullopt);
 
   /// @param urgent leave with the next frame @return false: queue full, the packet is dropped and counted
   bool push(DownlinkChannel channel, Octets packet, bool urgent, MonotonicTime now);
@@ -60,8 +63,9 @@ class DownlinkScheduler {
   void want_control_word(MonotonicTime now);
 
   /// The next CADU, if one is due and the line has room for it. It counts as written to the line.
-  /// @param clcw gives the control word of the moment
-  [[nodiscard]] std::optional<Octets> next(MonotonicTime now, const std::function<std::uint32_t()>& clcw);
+  /// @param clcw gives the control word of the moment. @param utc  of the moment; nullopt: not valid
+  [[nodiscard]] std::optional<Octets> next(MonotonicTime now, const std::function<std::uint32_t()>& clcw,
+                                           std::optional<UtcTime> utc = std::nullopt);
   /// When next() may have something without another push; nullopt: only another push can change it.
   [[nodiscard]] std::optional<MonotonicTime> next_due(MonotonicTime now) const;
 
@@ -76,15 +80,18 @@ class DownlinkScheduler {
   }
   [[nodiscard]] bool empty(DownlinkChannel channel) const;
   /// Octets of packets in a frame.
-  [[nodiscard]] std::size_t field_octets() const { return field_octets_; }
+  [[nodiscard]] std::size_t field_octets() const { return frames_.field_octets(); }
   /// Of the frame in which the next packet begins, when no frame leaves half empty before it: octets already
   /// taken.
   [[nodiscard]] std::size_t begun_octets(DownlinkChannel channel) const {
-    return frames_.queued_octets(vc(channel)) % field_octets_;
+    return frames_.queued_octets(vc(channel)) % field_octets();
   }
   [[nodiscard]] DownlinkCounters counters() const;
   /// Of the next frames.
   [[nodiscard]] wire::TmFrameCounts frame_counts() const { return frames_.counts(); }
+  [[nodiscard]] bool sealed() const { return sealed_; }
+  [[nodiscard]] FrameNumbers& numbers() { return config_.numbers; }
+  [[nodiscard]] const FrameNumbers& numbers() const { return config_.numbers; }
   /// Frames of the live channel.
   [[nodiscard]] std::uint64_t live_frames() const {
     return frames_.counters(vc(DownlinkChannel::live)).frames;
@@ -106,7 +113,7 @@ class DownlinkScheduler {
   [[nodiscard]] std::optional<DownlinkChannel> first_with_packets() const;
 
   DownlinkConfig config_;
-  std::size_t field_octets_;
+  bool sealed_;
   nanoseconds flush_beside_others_;
   wire::TmFrameBuilder frames_;
   LinePacer pacer_;

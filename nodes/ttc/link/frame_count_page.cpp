@@ -20,7 +20,8 @@ namespace {
 static_assert(std::atomic_ref<std::uint64_t>::is_always_lock_free);
 
 // One word, so that a kill at any instruction leaves all counters of one moment.
-constexpr std::uint64_t frame_count_marker = 0x5446;  // "TF", in the two highest octets
+constexpr std::uint64_t frame_count_marker = 0x5446;   // "TF", in the two highest octets
+constexpr std::uint64_t frame_number_marker = 0x544E;  // "TN", likewise
 constexpr std::array<std::uint8_t, downlink_channels + 1> frame_count_channels{0, 1, 2, wire::tm_idle_vc};
 
 }  // namespace
@@ -47,24 +48,32 @@ Result<FrameCountPage, std::string> FrameCountPage::open(const std::filesystem::
   if (!opened) return Err(opened.error().message);
   const auto failed = [&](int error) { return Err(fmt::format("{}: {}", file.string(), errno_text(error))); };
   // A store into a page without memory behind it would be a SIGBUS.
-  if (const int error = posix_fallocate(opened->get(), 0, sizeof(std::uint64_t)); error != 0)
-    return failed(error);
-  void* const page =
-      mmap(nullptr, sizeof(std::uint64_t), PROT_READ | PROT_WRITE, MAP_SHARED, opened->get(), 0);
+  if (const int error = posix_fallocate(opened->get(), 0, sizeof(Words)); error != 0) return failed(error);
+  void* const page = mmap(nullptr, sizeof(Words), PROT_READ | PROT_WRITE, MAP_SHARED, opened->get(), 0);
   if (page == MAP_FAILED) return failed(errno);
-  return FrameCountPage(static_cast<std::uint64_t*>(page));
+  return FrameCountPage(static_cast<Words*>(page));
 }
 
-void FrameCountPage::Unmap::operator()(std::uint64_t* word) const {
-  munmap(word, sizeof *word);
+void FrameCountPage::Unmap::operator()(Words* words) const {
+  munmap(words, sizeof *words);
 }
 
 void FrameCountPage::write(const wire::TmFrameCounts& next) {
-  std::atomic_ref(*word_).store(pack_frame_counts(next));
+  std::atomic_ref(words_->counts).store(pack_frame_counts(next));
 }
 
 std::optional<wire::TmFrameCounts> FrameCountPage::read() const {
-  return unpack_frame_counts(std::atomic_ref(*word_).load());
+  return unpack_frame_counts(std::atomic_ref(words_->counts).load());
+}
+
+void FrameCountPage::write_number(std::uint64_t next) {
+  std::atomic_ref(words_->number).store(frame_number_marker << 48U | next);
+}
+
+std::optional<std::uint64_t> FrameCountPage::read_number() const {
+  const std::uint64_t word = std::atomic_ref(words_->number).load();
+  if (word >> 48U != frame_number_marker) return std::nullopt;
+  return word & wire::tm_sdls_number_max;
 }
 
 }  // namespace srfs

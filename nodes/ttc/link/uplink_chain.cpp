@@ -61,6 +61,13 @@ std::optional<std::pair<std::uint16_t, std::uint16_t>> associations_with_one_key
   return std::nullopt;
 }
 
+bool is_key_of(const UplinkConfig& config, const wire::SdlsKey& key) {
+  return std::any_of(config.channels.begin(), config.channels.end(), [&](const UplinkChannel& channel) {
+    return std::any_of(channel.associations.begin(), channel.associations.end(),
+                       [&](const UplinkAssociation& a) { return a.key.octets() == key.octets(); });
+  });
+}
+
 std::vector<UplinkedPacket> UplinkChain::push(OctetView octets, MonotonicTime now) {
   now_ = now;
   counters_.octets += octets.size();

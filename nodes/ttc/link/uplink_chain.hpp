@@ -51,6 +51,8 @@ struct UplinkConfig {
 /// @return the SPIs of the first two that share one
 [[nodiscard]] std::optional<std::pair<std::uint16_t, std::uint16_t>> associations_with_one_key(
     const UplinkConfig& config);
+/// Whether a key is that of an association.
+[[nodiscard]] bool is_key_of(const UplinkConfig& config, const wire::SdlsKey& key);
 
 /// One count per reason; every octet that came and every frame that did not get through is in one of them.
 struct UplinkCounters {

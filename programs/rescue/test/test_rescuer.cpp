@@ -4,6 +4,7 @@
 #include "programs/rescue/rescuer.hpp"
 
 #include <array>
+#include <functional>
 #include <thread>
 
 #include <fcntl.h>
@@ -95,6 +96,7 @@ class RescuerOnTheLine : public ::testing::Test {
       if (got <= 0) return false;
       for (const auto& found : frames_.push({part.data(), static_cast<std::size_t>(got)})) {
         const auto frame = wire::decode_tm_frame(found.frame, spacecraft, frame_octets);
+        if (frame && on_frame_) on_frame_(found.frame, *frame);
         const auto clcw = frame ? wire::decode_clcw(frame->ocf) : Err(wire::ClcwError::not_a_clcw);
         if (clcw && wanted(*clcw)) return true;
       }
@@ -111,11 +113,37 @@ class RescuerOnTheLine : public ::testing::Test {
   testing_support::TemporaryFolder folder_;
   Fd master_;
   wire::CaduSynchroniser frames_;
+  std::function<void(OctetView octets, wire::TmFrame frame)> on_frame_;
   suite::RescueSettings settings_;
   std::unique_ptr<Rescuer> rescuer_;
   std::thread serving_;
   RescueEnd end_;
 };
+
+TEST_F(RescuerOnTheLine, SealsItsFramesWithNumbersAboveThoseThatTtcReserved) {
+  const Octets key(wire::sdls_key_octets, 9);
+  settings_.seal = suite::RescueSettings::Seal{.spi = 16, .key = key, .key_file = "/none"};
+  auto numbers = frame_number_file(std::filesystem::path(settings_.var) / "state/ttc/frame_numbers");
+  std::filesystem::create_directories(std::filesystem::path(settings_.var) / "state/ttc");
+  constexpr std::uint64_t reserved = 1'000'000;
+  ASSERT_TRUE(numbers.store(reserved).durable());
+  auto authenticator = wire::TmAuthenticator::create(*wire::SdlsKey::from_hex(to_hex(key)));
+  begin();
+  std::uint64_t seen = 0;
+  on_frame_ = [&](OctetView octets, wire::TmFrame frame) {
+    const auto number = wire::tm_sdls_open(octets, frame, 16, *authenticator);
+    ASSERT_TRUE(number) << wire::to_string(number.error());
+    EXPECT_GE(*number, std::max(reserved, seen + 1));
+    seen = *number;
+  };
+  ASSERT_TRUE(await_clcw([](const wire::Clcw&) { return true; }));
+  send(set_vr(77));
+  EXPECT_TRUE(await_clcw([](const wire::Clcw& clcw) { return clcw.report_value == 77; }));
+  EXPECT_GE(seen, reserved);
+  EXPECT_GT(frame_number_file(std::filesystem::path(settings_.var) / "state/ttc/frame_numbers").load().state,
+            seen)
+      << "ttc goes on above them";
+}
 
 TEST_F(RescuerOnTheLine, AControlCommandIsAnsweredAtOnce) {
   begin();

@@ -20,7 +20,7 @@ from srfs.program import MissionError
 from srfs.report import quantiles
 
 BAUDS = (921600, 115200)
-FRAME, CADU, DATA_FIELD = 223, 259, 211  # octets at interleave 1: frame; marker, frame and parity; without header, OCF and FECF
+FRAME, CADU, DATA_FIELD = 223, 259, 187  # octets at interleave 1: frame; marker, frame and parity; without header, security fields, OCF and FECF
 THROUGHPUT_GOAL = 0.97
 ACCEPTANCE_GOAL_US = 5000
 STORED_FROM = "2026-01-01T00:00:00Z"

@@ -65,8 +65,8 @@ def make(folder, build, kernel):
     content["devices"].pop("watchdog")
     content["link"]["baud"] = 115200
     deployments.write(content, folder / "deployment.yaml")
-    for channel in content["link"]["tc_channels"]:
-        key = folder / channel["key_file"]
+    for association in [*content["link"]["tc_channels"], content["link"]["tm"]]:
+        key = folder / association["key_file"]
         key.parent.mkdir(exist_ok=True)
         key.touch(0o600)
         key.write_text(secrets.token_hex(32) + "\n")
