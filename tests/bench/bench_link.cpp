@@ -23,6 +23,13 @@ int main(int argc, char** argv) {
   c->add_option("--seed", codecs.seed)->capture_default_str();
   c->callback([&] { result = measure_codecs(codecs); });
 
+  NoiseOptions noise;
+  c = app.add_subcommand("noise", "Both directions under jamming and noise");
+  c->add_option("--trials", noise.trials)->check(CLI::Range(10, 1000000))->capture_default_str();
+  c->add_option("--units", noise.units)->check(CLI::Range(10, 10000000))->capture_default_str();
+  c->add_option("--seed", noise.seed)->capture_default_str();
+  c->callback([&] { result = measure_noise(noise); });
+
   StoreOptions store{.folder = std::filesystem::temp_directory_path()};
   c = app.add_subcommand("store", "A packet store: overhead, recovery with damage in it");
   c->add_option("--folder", store.folder, "On the medium to measure")

@@ -184,6 +184,49 @@ Json measure_cltu(const CodecOptions& options, std::mt19937_64& random) {
           {"cltu_to_packet_us", summary(decode)}};
 }
 
+/// A frame of 223 octets as it leaves for Reed-Solomon: without security, sealed; and verified again.
+Json measure_seal(const CodecOptions& options, std::mt19937_64& random) {
+  constexpr std::uint16_t spi = 16;
+  const auto seal = [] {
+    return wire::TmSeal{.spi = spi, .authenticator = wire::TmAuthenticator::create(wire::SdlsKey({1, 2, 3}))};
+  };
+  wire::TmFrameBuilder open({.spacecraft_id = spacecraft, .frame_octets = rs_data_octets});
+  wire::TmFrameBuilder sealed({.spacecraft_id = spacecraft, .frame_octets = rs_data_octets}, seal());
+  auto authenticator = wire::TmAuthenticator::create(wire::SdlsKey({1, 2, 3}));
+  std::vector<double> without;
+  std::vector<double> with;
+  std::vector<double> verify;
+  std::uint64_t number = 0;
+  for (int round = 0; round < options.rounds; ++round) {
+    const auto fill = [&](wire::TmFrameBuilder& builder) {
+      while (builder.queued_octets(0) < words * rs_data_octets)
+        require(builder.queue_packet(0, wire::encode_space_packet({.apid = 1}, noise(random, 500))), "room");
+    };
+    fill(open);
+    fill(sealed);
+    std::vector<Octets> frames(words);
+    without.push_back(time_of(words, [&] {
+      for (Octets& frame : frames) frame = open.build(0, 0);
+    }));
+    with.push_back(time_of(words, [&] {
+      for (Octets& frame : frames) frame = sealed.build(0, 0, ++number);
+    }));
+    std::vector<wire::TmFrame> read;
+    for (const Octets& octets : frames)
+      read.push_back(*wire::decode_tm_frame(octets, spacecraft, rs_data_octets));
+    std::size_t right = 0;
+    verify.push_back(time_of(words, [&] {
+      for (std::size_t i = 0; i < words; ++i)
+        right += wire::tm_sdls_open(frames[i], read[i], spi, *authenticator) ? 1U : 0U;
+    }));
+    require(right == words, "sealed frames");
+  }
+  return {{"packet_octets_of_a_frame", {{"open", open.field_octets()}, {"sealed", sealed.field_octets()}}},
+          {"frame_us", summary(without)},
+          {"sealed_frame_us", summary(with)},
+          {"verify_us", summary(verify)}};
+}
+
 }  // namespace
 
 Json measure_codecs(const CodecOptions& options) {
@@ -195,6 +238,7 @@ Json measure_codecs(const CodecOptions& options) {
   for (const unsigned interleave : {1U, 5U})
     result["cadu"].push_back(measure_cadu(options, random, interleave));
   result["cltu"] = measure_cltu(options, random);
+  result["seal"] = measure_seal(options, random);
   return result;
 }
 

@@ -20,6 +20,16 @@ struct CodecOptions {
 /// @throws std::runtime_error when an answer is wrong
 [[nodiscard]] Json measure_codecs(const CodecOptions& options);
 
+struct NoiseOptions {
+  int trials = 2000;  ///< of each disturbance
+  int units = 20000;  ///< CADUs and CLTUs at each bit error rate
+  std::uint64_t seed = 1;
+};
+
+/// Jamming and noise on both directions of the link: octets of the line from the end of a disturbance to the
+/// next frame that is accepted, and how many frames pass through noise. Frames are sealed and secured.
+[[nodiscard]] Json measure_noise(const NoiseOptions& options);
+
 struct StoreOptions {
   std::filesystem::path folder;    ///< on the medium to measure; the measure uses a temporary subfolder
   std::size_t octets = 64U << 20;  ///< size of the store

@@ -29,7 +29,7 @@ PACKET_OCTETS = 120
 FRAME_LOSS = 0.1
 BAD_FILE_OCTETS, BAD_FILE_BAUD, BAD_FILE_DEATHS, BAD_FILE_GOAL = 200_000, 115200, 5, 1.5
 MONITORS_GOAL = 1  # % of a core
-PARTS = ("codecs", "store", "monitors", "wear", "downlink", "telecommands", "bad_line")
+PARTS = ("codecs", "noise", "store", "monitors", "wear", "downlink", "telecommands", "bad_line")
 
 
 def add_options(parser):
@@ -240,6 +240,9 @@ def measure(bin_dir, options, say):
     if "codecs" in options.link_parts:
         say("link: codecs compared with libfec")
         results["codecs"] = program("codecs")
+    if "noise" in options.link_parts:
+        say("link: both directions under jamming and noise")
+        results["noise"] = program("noise")
     if "store" in options.link_parts:
         say("link: a packet store of 64 MiB")
         results["store"] = program("store", "--folder", str(Path.cwd()))
@@ -269,6 +272,20 @@ def verdict(met):
     return "met" if met else "MISSED"
 
 
+def noise_rows(noise):
+    if not noise:
+        return
+    for way, name, unit in (("down", "telemetry", "frame"), ("up", "telecommands", "frame")):
+        for a in noise["acquisition"][way]:
+            octets = a["octets"]
+            ms = octets["max"] * 10 / BAUDS[-1] * 1000
+            yield (f"{name}, {a['disturbance']}: octets to the next {unit}, p50 / p99 / max (max in ms at {BAUDS[-1]} baud)",
+                   f"{octets['p50']:.0f} / {octets['p99']:.0f} / {octets['max']:.0f} ({ms:.0f})", "comes back", verdict(a["never"] == 0))  # fmt: skip
+    for way, name in (("down", "CADUs"), ("up", "CLTUs"), ("up_long", "CLTUs")):
+        for n in noise["noise"][way]:
+            yield f"{name} of {n['unit_octets']} octets accepted at a bit error rate of {n['bit_error_rate']:g}", f"{n['accepted']} of {n['sent']}", "", ""
+
+
 def rows(results):
     """(measure, value, goal, verdict) of what was measured."""
     codecs = results.get("codecs")
@@ -282,6 +299,10 @@ def rows(results):
                    f"{cadu['frame_to_cadu_us']['p50']:.1f}, {cadu['cadu_to_frame_us']['p50']:.1f}", "", "")  # fmt: skip
         yield ("packet of 100 octets to secured CLTU, back, us",
                f"{codecs['cltu']['packet_to_cltu_us']['p50']:.1f}, {codecs['cltu']['cltu_to_packet_us']['p50']:.1f}", "", "")  # fmt: skip
+        seal = codecs["seal"]
+        yield ("a TM frame without seal, sealed; verified again, us",
+               f"{seal['frame_us']['p50']:.2f}, {seal['sealed_frame_us']['p50']:.2f}; {seal['verify_us']['p50']:.2f}", "", "")  # fmt: skip
+    yield from noise_rows(results.get("noise"))
     store = results.get("store")
     if store:
         overhead = store["overhead_octets_a_record"]
