@@ -59,14 +59,16 @@ Result<std::string, FileError> read_open_file(int fd, const std::filesystem::pat
   }
 }
 
-Result<void, FileError> write_file_atomically(const std::filesystem::path& path, std::string_view content) {
+Result<void, FileError> write_file_atomically(const std::filesystem::path& path, std::string_view content,
+                                              Access access) {
   std::error_code ec;
   std::filesystem::create_directories(folder_of(path), ec);
   // The pid keeps two writers from sharing a temporary file; the last rename wins whole.
   const std::filesystem::path temporary = fmt::format("{}.{}.tmp", path.string(), getpid());
   {
     unlink(temporary.c_str());  // of a predecessor with this pid
-    const Fd fd(open(temporary.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_NOFOLLOW | O_CLOEXEC, 0644));
+    const Fd fd(open(temporary.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_NOFOLLOW | O_CLOEXEC,
+                     access == Access::owner ? 0600 : 0644));
     if (!fd) return failure("create", temporary, errno);
     if (!write_all(fd.get(), content) || fsync(fd.get()) != 0) {
       const int error = errno;

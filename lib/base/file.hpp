@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <cstdint>
 #include <filesystem>
 #include <string>
 #include <string_view>
@@ -25,11 +26,18 @@ struct FileError {
 [[nodiscard]] Result<std::string, FileError> read_open_file(int fd, const std::filesystem::path& path,
                                                             std::size_t limit);
 
+/// Who may read what is written.
+enum class Access : std::uint8_t {
+  everyone,  ///< 0644, less what umask takes away
+  owner,     ///< 0600: keys
+};
+
 /// Replaces @p path so that after power loss at any instant it holds the old or the new octets, never a
 /// mixture: temporary file beside it (new, no link is followed), fsync, rename, fsync of the folder. Creates
 /// missing folders. Blocks on the disk.
 [[nodiscard]] Result<void, FileError> write_file_atomically(const std::filesystem::path& path,
-                                                            std::string_view content);
+                                                            std::string_view content,
+                                                            Access access = Access::everyone);
 
 /// Removes @p path for good: it does not come back with a power loss. No error when there is none. Blocks on
 /// the disk.

@@ -37,8 +37,8 @@ class StateFile {
   static constexpr std::size_t largest_octets = 65536;  ///< of a copy; a larger one is damaged
 
   StateFile(std::filesystem::path first, std::filesystem::path second, StateCodec<T> codec,
-            Writes writes = Writes::both)
-      : copies_{std::move(first), std::move(second)}, codec_(codec), writes_(writes) {}
+            Writes writes = Writes::both, Access access = Access::everyone)
+      : copies_{std::move(first), std::move(second)}, codec_(codec), writes_(writes), access_(access) {}
 
   struct Found {
     std::optional<T> state;                      ///< the newer sound copy
@@ -76,7 +76,7 @@ class StateFile {
     Stored stored;
     for (const std::size_t i : {1 - newest_, newest_}) {
       if (writes_ == Writes::in_turn && stored.durable()) break;
-      if (const auto written = write_file_atomically(copies_.at(i), text); !written) {
+      if (const auto written = write_file_atomically(copies_.at(i), text, access_); !written) {
         stored.problem += (stored.problem.empty() ? "" : "; ") + written.error().message;
       } else {
         ++stored.copies;
@@ -90,6 +90,7 @@ class StateFile {
   std::array<std::filesystem::path, 2> copies_;
   StateCodec<T> codec_;
   Writes writes_;
+  Access access_;
   std::size_t newest_ = 1;  ///< written last, or found newer
 };
 
