@@ -302,6 +302,16 @@ Exit Console::exchange_once(const TelecommandText& telecommand, std::optional<mi
   return follow(true);
 }
 
+Exit Console::ask(const TelecommandText& telecommand, std::optional<milliseconds> timeout) {
+  const mission::Command* const command = dictionary_.command(telecommand.name);
+  if (command != nullptr && command->hazardous) {
+    exchanging_ = true;
+    const Exit armed = arm(telecommand.name, telecommand.arguments, timeout);
+    if (armed != Exit::done) return armed;
+  }
+  return exchange_once(telecommand, timeout);
+}
+
 Exit Console::remote(const RemoteRequest& request, std::optional<milliseconds> timeout) {
   awaited_name_ = cfdp::safe_name(request.awaited_file);
   auto worst = Exit::done;

@@ -11,6 +11,7 @@
 #include "base/time.hpp"
 #include "ground/bridge.hpp"
 #include "ground/command_line.hpp"
+#include "ground/exit.hpp"
 #include "ground/installation.hpp"
 #include "ground/latest_values.hpp"
 #include "ground/remote.hpp"
@@ -19,15 +20,6 @@
 #include "ground/station.hpp"
 
 namespace srfs::ground {
-
-/// Exit codes of srfs-ground.
-enum class Exit : int {
-  done = 0,         ///< what was asked for was done
-  refused = 1,      ///< the telecommand was rejected, failed or not answered; the retrieval is incomplete
-  unusable = 2,     ///< arguments, deployment, key or port
-  link_closed = 3,  ///< the other end of the link went away
-  unknown = 4,      ///< the server ended before it answered: whether it was sent is not known
-};
 
 struct ConsoleOptions {
   bool json = false;
@@ -91,6 +83,12 @@ class Console {
                                     std::optional<milliseconds> timeout);
   /// A telecommand about kept parameters, with the answers as lines.
   [[nodiscard]] Exit keep_parameters(const TelecommandText& telecommand, std::optional<milliseconds> timeout);
+  /// One telecommand until its end, armed before if it is hazardous; what fails is shown.
+  [[nodiscard]] Exit ask(const TelecommandText& telecommand, std::optional<milliseconds> timeout);
+  /// Reports of its service that came until then.
+  [[nodiscard]] const std::vector<TelemetryReport>& answers() const { return answers_; }
+  void tell(const std::string& message) { note(message); }
+  void tell_failure(const std::string& message) { fail(message); }
   /// Command lines from standard input; ends with "quit", or at its end when nothing is outstanding any more.
   [[nodiscard]] Exit session();
 

@@ -13,12 +13,25 @@
 #include "base/fd.hpp"
 #include "base/file.hpp"
 #include "base/text.hpp"
+#include "ground/key_change.hpp"
+#include "wire/sdls_procedures.hpp"
 
 namespace srfs::ground {
 namespace {
 
 constexpr std::uint16_t sequence_modulus = 0x4000;
 constexpr milliseconds clock_slack{60'000};  ///< of files and telecommands, sent at once, and of small steps
+
+/// Which files there are: each write makes new ones. Empty: none.
+std::string identity_of(const std::filesystem::path& session_keys) {
+  std::string identity;
+  for (const char* copy : {".0", ".1"}) {
+    struct stat info {};
+    if (stat((session_keys.string() + copy).c_str(), &info) != 0) continue;
+    identity += fmt::format("{}:{}:{}.{} ", copy, info.st_ino, info.st_mtim.tv_sec, info.st_mtim.tv_nsec);
+  }
+  return identity;
+}
 
 }  // namespace
 
@@ -242,9 +255,18 @@ Result<Uplink, std::string> Uplink::open(const suite::LinkSettings& link,
                  static_cast<std::uint8_t>(chosen.virtual_channel), link.tc_randomizer, link.tc_strict},
                 std::move(*state));
   if (link.tc_strict) uplink.sender_ = static_cast<std::uint32_t>(station) << 24 | (drawn & 0xFFFFFF);
+  if (uplink.sender_ == wire::answering_sender) --uplink.sender_;
   uplink.secured_ = secured != link.channels.end();
   uplink.forced_ = forced.has_value();
   uplink.set_ = forced.value_or(uplink.state_.key_set());
+  uplink.session_keys_ = session_keys_of(state_dir);
+  uplink.session_keys_seen_ = identity_of(uplink.session_keys_);
+  wire::SessionKeys session_keys;
+  if (const auto ring = KeyRing::open(state_dir, false); ring) {
+    session_keys = ring->keys();
+  } else if (uplink.set_ != suite::AssociationSet::contingency) {
+    return Err(ring.error());
+  }
   for (const auto& entry : link.channels) {
     const auto same_set = [&entry](const auto& other) {
       return other.security == suite::ChannelSecurity::sdls && other.set == entry.set &&
@@ -252,7 +274,10 @@ Result<Uplink, std::string> Uplink::open(const suite::LinkSettings& link,
     };
     if (entry.security != suite::ChannelSecurity::sdls || entry.virtual_channel != chosen.virtual_channel)
       continue;
-    auto key = read_link_key(var_dir / entry.key_file);
+    const auto used = session_keys.use_of(static_cast<std::uint16_t>(entry.spi));
+    const auto* replaced = used ? session_keys.find(used->current) : nullptr;
+    auto key = replaced != nullptr ? Result<wire::SdlsKey, std::string>(replaced->octets.key())
+                                   : read_link_key(var_dir / entry.key_file);
     if (!key && entry.set != uplink.set_) continue;
     if (!key) return Err(key.error());
     const auto first = std::find_if(link.channels.begin(), link.channels.end(), same_set);
@@ -267,6 +292,22 @@ Result<Uplink, std::string> Uplink::open(const suite::LinkSettings& link,
     return Err(fmt::format("the deployment has no keys '{}' for this channel (link.tc_channels)",
                            to_text(uplink.set_)));
   return uplink;
+}
+
+void Uplink::follow_session_keys() {
+  std::string found = identity_of(session_keys_);
+  if (found == session_keys_seen_) return;
+  session_keys_seen_ = std::move(found);
+  // Damaged ones are logged, and the keys in use stay.
+  if (const auto state = wire::session_key_file(session_keys_).load().state) use(*state);
+}
+
+void Uplink::use(const wire::SessionKeys& keys) {
+  for (Association& association : associations_) {
+    const auto used = keys.use_of(association.spi);
+    if (const auto* current = used ? keys.find(used->current) : nullptr; current != nullptr)
+      association.key = current->octets.key();
+  }
 }
 
 bool Uplink::has(suite::AssociationSet set) const {

@@ -18,9 +18,14 @@
 #include "suite/deployment.hpp"
 #include "wire/pus.hpp"
 #include "wire/sdls.hpp"
+#include "wire/session_keys.hpp"
 #include "wire/tc_uplink.hpp"
 
 namespace srfs::ground {
+
+/// Hexadecimal digits, a newline behind them allowed, in a file that its owner alone may read. The error is
+/// ready to print.
+[[nodiscard]] Result<wire::SdlsKey, std::string> read_link_key(const std::filesystem::path& file);
 
 [[nodiscard]] std::string_view to_text(suite::AssociationSet set);
 /// "a", "b" or "contingency".
@@ -131,7 +136,11 @@ class Uplink {
                                           std::uint8_t station = 0);
 
   /// To be called before what is made goes to the line: counters carry this time, or are above it.
-  void on_time(UtcTime now) { state_.on_time(now); }
+  /// Keys that were replaced meanwhile (STATE/session_keys) are used from now on.
+  void on_time(UtcTime now) {
+    state_.on_time(now);
+    follow_session_keys();
+  }
 
   /// Blocks on the disk. All verification reports are asked for.
   /// @param set  of the keys; nullopt: those in use
@@ -178,7 +187,11 @@ class Uplink {
   [[nodiscard]] bool has(suite::AssociationSet set) const;
   /// nullptr: a channel without security
   [[nodiscard]] const Association* association(wire::TcFrameType type, suite::AssociationSet set) const;
+  void follow_session_keys();
+  void use(const wire::SessionKeys& keys);
   std::vector<Association> associations_;  ///< those whose key is here
+  std::filesystem::path session_keys_;     ///< of its copies
+  std::string session_keys_seen_;          ///< which files they were
   std::set<std::uint16_t> foreign_told_;
   std::set<std::uint16_t> unbelievable_told_;
   [[nodiscard]] wire::SdlsSeal seal_of(const Association& used, std::uint64_t counter) const {

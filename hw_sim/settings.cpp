@@ -63,6 +63,8 @@ void read_link(const ConfigSection& section, SimulationSettings& settings) {
   }
   const ConfigSection tm = section.section("tm");
   if (tm.has("key_file")) settings.key_files.push_back(tm.text("key_file"));
+  for (const ConfigSection& key : section.sections("key_encryption_keys"))
+    settings.key_files.push_back(key.text("key_file"));
 }
 
 void read_orbit(const ConfigSection& section, SimulationSettings& settings) {

@@ -34,6 +34,7 @@ void define(CLI::App& app, Arguments& a) {
   define_farm(app, a);
   define_files(app, a);
   define_parameters(app, a);
+  define_keys(app, a);
   define_bridge(app, a);
   define_server(app, a);
   define_archive(app, a);

@@ -57,6 +57,7 @@ struct Arguments {
   unsigned transmissions = wire::FopSettings{}.transmission_limit;
   unsigned station = 0;
   std::string archive;
+  unsigned master = 0;
   std::string counters_from;
   std::string unverified = "drop";
   std::int64_t frame_age_s = FrameTrustOptions{}.age_max.count();

@@ -15,6 +15,7 @@ void define_screens(CLI::App& app, Arguments& a);
 void define_files(CLI::App& app, Arguments& a);
 void define_parameters(CLI::App& app, Arguments& a);
 void define_packages(CLI::App& app, Arguments& a);
+void define_keys(CLI::App& app, Arguments& a);
 void define_bridge(CLI::App& app, Arguments& a);
 void define_server(CLI::App& app, Arguments& a);
 void define_archive(CLI::App& app, Arguments& a);

@@ -270,7 +270,8 @@ TEST(Settings, AreGoodInTheDeploymentsThatShip) {
     EXPECT_EQ(read_settings(ConfigSection::load(file)).key_files,
               (std::vector<std::string>{"keys/tc_uplink.key", "keys/tc_uplink_ad.key", "keys/tc_uplink_b.key",
                                         "keys/tc_uplink_ad_b.key", "keys/tc_contingency.key",
-                                        "keys/tm_downlink.key"}));
+                                        "keys/tm_downlink.key", "keys/key_encryption_1.key",
+                                        "keys/key_encryption_2.key"}));
   }
 }
 

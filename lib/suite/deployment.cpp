@@ -381,6 +381,7 @@ std::vector<std::string> key_files_of(const LinkSettings& link) {
   for (const TelecommandChannel& channel : link.channels) {
     if (channel.security == ChannelSecurity::sdls) files.push_back(channel.key_file);
   }
+  for (const KeyEncryptionKeyFile& key : link.key_encryption_keys) files.push_back(key.key_file);
   if (link.tm_security) files.push_back(link.tm_security->key_file);
   return files;
 }
@@ -437,6 +438,19 @@ LinkSettings read_link(const ConfigSection& section) {
   }
   link.tm_security = read_tm_security(tm, link);
   tm.finish();
+  for (const ConfigSection& entry : section.sections("key_encryption_keys")) {
+    KeyEncryptionKeyFile key{.id = static_cast<int>(entry.integer("id", 1, 127)),
+                             .key_file = entry.text("key_file")};
+    for (const KeyEncryptionKeyFile& other : link.key_encryption_keys) {
+      if (other.id == key.id) throw entry.bad("id", "a number not used by another entry");
+      if (other.key_file == key.key_file) throw entry.bad("key_file", "a key not used by another entry");
+    }
+    if (std::any_of(link.channels.begin(), link.channels.end(),
+                    [&](const TelecommandChannel& c) { return c.key_file == key.key_file; }))
+      throw entry.bad("key_file", "a key not used by another entry");
+    entry.finish();
+    link.key_encryption_keys.push_back(std::move(key));
+  }
   section.finish();
   return link;
 }
@@ -591,6 +605,13 @@ std::string unsafe_link(const Deployment& deployment, const std::filesystem::pat
           "{}: 'link.tc_channels': everybody may know the key {} of TC virtual channel {} ({}), and {} is a "
           "line of hardware: make another one",
           deployment.file.string(), channel.key_file, channel.virtual_channel, *why, line->second);
+  }
+  for (const KeyEncryptionKeyFile& key : deployment.link.key_encryption_keys) {
+    if (const auto why = why_known_key_file(var / key.key_file))
+      return fmt::format(
+          "{}: 'link.key_encryption_keys': everybody may know the key {} ({}), and {} is a line of hardware: "
+          "make another one",
+          deployment.file.string(), key.key_file, *why, line->second);
   }
   const auto& downlink = deployment.link.tm_security;
   const auto why = downlink ? why_known_key_file(var / downlink->key_file) : std::nullopt;

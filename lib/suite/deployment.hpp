@@ -112,6 +112,12 @@ struct TelemetrySecurity {
   std::string key_file;  ///< relative to VAR
 };
 
+/// Session keys come up sealed under it (SDLS Extended Procedures).
+struct KeyEncryptionKeyFile {
+  int id = 0;            ///< 1 to 127
+  std::string key_file;  ///< relative to VAR
+};
+
 struct LinkSettings {
   int spacecraft_id = 0xAB;
   int baud = 921600;
@@ -125,6 +131,7 @@ struct LinkSettings {
   bool tc_correct_single_bits = true;
   bool tc_strict = false;  ///< whole header and control commands authentic, counters are UTC (ICD 2.3)
   std::vector<TelecommandChannel> channels;
+  std::vector<KeyEncryptionKeyFile> key_encryption_keys = {};
 };
 
 /// The liveness ring (DESIGN section 8): which node watches which, and how patiently.

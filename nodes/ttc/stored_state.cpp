@@ -16,8 +16,9 @@ constexpr std::string_view first_start_text = "first start\n";  ///< in it; else
 
 }  // namespace
 
-StoredState::StoredState(std::filesystem::path folder)
+StoredState::StoredState(std::filesystem::path folder, std::filesystem::path keys)
     : folder_(std::move(folder)),
+      keys_(std::move(keys)),
       journal_file_(folder_ / "telecommands"),
       journal_log_(journal_file_),
       link_file_(folder_ / "link_state") {}
@@ -109,6 +110,10 @@ KeySelection StoredState::load_keys(UplinkConfig& config, std::vector<TtcCore::K
   return selection;
 }
 
+FoundSessionKeys StoredState::load_session_keys(UplinkConfig& config) const {
+  return srfs::load_session_keys(keys_, config);
+}
+
 /// A first start looks like the loss of everything that ttc wrote: it wants a floor, too.
 /// @param nothing no state of the link was found. @param ran although there was one
 FloorWanted StoredState::floor_wanted(bool nothing, bool ran) const {
@@ -172,6 +177,10 @@ bool StoredState::write_keys(const KeySelection& selection) const {
   const auto stored = key_selection_file(folder_ / "key_selection").store(selection);
   if (!stored.problem.empty()) log::error("{}", stored.problem);
   return stored.durable();
+}
+
+bool StoredState::write_session_keys(const wire::SessionKeys& keys) const {
+  return store_session_keys(keys_, keys);
 }
 
 bool StoredState::write_rescue_entry() const {

@@ -12,6 +12,7 @@
 #include "base/time.hpp"
 #include "nodes/ttc/command/journal_file.hpp"
 #include "nodes/ttc/link/link_state_file.hpp"
+#include "nodes/ttc/link/session_key_store.hpp"
 #include "nodes/ttc/ttc_core.hpp"
 
 namespace srfs {
@@ -21,7 +22,8 @@ namespace srfs {
 /// thread each.
 class StoredState {
  public:
-  explicit StoredState(std::filesystem::path folder);
+  /// @param keys  folder of the session keys
+  StoredState(std::filesystem::path folder, std::filesystem::path keys);
 
   // ---- start. What is lost or damaged is logged.
 
@@ -37,6 +39,8 @@ class StoredState {
   [[nodiscard]] FoundTable load_table(std::string_view name) const;
   /// Chooses the set of each channel: as it was stored, else one that can be used.
   [[nodiscard]] KeySelection load_keys(UplinkConfig& config, std::vector<TtcCore::KeyNews>& news) const;
+  /// The session keys, which @p config uses from then on.
+  [[nodiscard]] FoundSessionKeys load_session_keys(UplinkConfig& config) const;
   /// Journal and link state into @p setup, and what their state means.
   /// @param ran  ran_before(). @param known_id  the next telecommand id of this process, 0: none yet
   void load_journal(TtcCore::Setup& setup, bool ran, std::uint64_t known_id, UtcTime utc, MonotonicTime now);
@@ -54,6 +58,7 @@ class StoredState {
   [[nodiscard]] std::filesystem::path path_of(const std::string& name) const { return folder_ / name; }
   [[nodiscard]] bool write(const std::string& name, const std::string& text) const;
   [[nodiscard]] bool write_keys(const KeySelection& selection) const;
+  [[nodiscard]] bool write_session_keys(const wire::SessionKeys& keys) const;
   /// In the record of the step of the start (suite/step_down.hpp).
   [[nodiscard]] bool write_rescue_entry() const;
   [[nodiscard]] bool write_table(const std::string& name, const StoredTable& table) const;
@@ -64,6 +69,7 @@ class StoredState {
   [[nodiscard]] FloorWanted floor_wanted(bool nothing, bool ran) const;
 
   std::filesystem::path folder_;
+  std::filesystem::path keys_;
   JournalFile journal_file_;
   JournalLog journal_log_;
   LinkStateFile link_file_;

@@ -61,6 +61,8 @@ TtcCore::TtcCore(Setup setup)
       mode_service_(mode_, hazards_, report_queue_, &causes_),
       arming_(dictionary_, mode_, hazards_, report_queue_),
       key_service_(key_sets_, report_queue_),
+      key_management_(std::move(setup.session_keys), std::move(setup.masters),
+                      rekeyable_associations(setup.uplink), uplink_, report_queue_),
       rescue_service_(report_queue_),
       transmitter_service_(transmitter_, report_queue_),
       time_reports_(report_queue_),
@@ -79,9 +81,9 @@ TtcCore::TtcCore(Setup setup)
                .forwarder = forwarder_,
                .report_queue = report_queue_,
                .services = {&housekeeping_, &events_, &mode_service_, &arming_, &key_service_,
-                            &rescue_service_, &transmitter_service_, &time_reports_, &schedule_, &retrieval_,
-                            &stores_, &connections_, &parameters_, &file_service_, &imaging_, &monitoring_,
-                            &event_actions_}},
+                            &key_management_, &rescue_service_, &transmitter_service_, &time_reports_,
+                            &schedule_, &retrieval_, &stores_, &connections_, &parameters_, &file_service_,
+                            &imaging_, &monitoring_, &event_actions_}},
               node_),
       uplink_(std::move(setup.uplink), journal_.link()),
       gate_(setup.persist_deadline, journal_.revision()),
@@ -101,7 +103,9 @@ TtcCore::TtcCore(Setup setup)
       lifetime_(setup.lifetime),
       key_selection_(std::move(setup.keys)),
       unusable_keys_(std::move(setup.unusable_keys)),
-      key_news_(std::move(setup.key_news)) {
+      key_news_(std::move(setup.key_news)),
+      unusable_masters_(std::move(setup.unusable_masters)),
+      session_keys_lost_(std::move(setup.session_keys_lost)) {
   schedule_.set_request_check([this](OctetView packet) { return router_.check_scheduled(packet); });
   event_actions_.load(setup.event_actions, [this](OctetView packet) { return why_no_action(packet); });
   if (monitoring_.is_damaged()) damaged_tables_.push_back(MonitoringService::table_name);
@@ -176,6 +180,7 @@ TtcCore::Actions TtcCore::settle(MonotonicTime now) {
   send_reports(report_queue_.take(), std::nullopt);
   store_mode_change();
   store_key_change();
+  store_session_keys();
   store_transmitter_change();
   store_rescue_entry();
   store_stores_change();
@@ -255,6 +260,7 @@ void TtcCore::take_uplinked(std::vector<UplinkedPacket> packets) {
     return packet.frame.spi || !uplink_.authenticates();
   });
   if (authentic) on_contact();
+  follow_confirmed_keys();
   for (UplinkedPacket& packet : packets) {
     files_.on_contact();
     if (cfdp::is_pdu_packet(packet.packet)) {
@@ -654,6 +660,25 @@ void TtcCore::on_keys_written(const KeyChange& change, bool stored, MonotonicTim
   if (change.commanded) key_service_.on_stored(change, stored);
   const std::string why = change.commanded ? "commanded" : "no telecommand came with the others";
   report_keys(change.vc, change.set, stored ? why : why + ", not stored");
+}
+
+void TtcCore::follow_confirmed_keys() {
+  const auto confirmed = uplink_.take_confirmed();
+  key_management_.on_confirmed(confirmed);
+  for (const auto& [spi, key] : confirmed) report_rekeyed(spi, key, "alone now, a frame under it came");
+}
+
+void TtcCore::store_session_keys() {
+  if (auto change = key_management_.take_change()) act(WriteSessionKeys{std::move(*change)});
+}
+
+void TtcCore::on_session_keys_written(const SessionKeyChange& change, bool stored, MonotonicTime now) {
+  now_ = now;
+  key_management_.on_stored(change, stored);
+  const auto use = change.rekeyed && stored ? change.keys.use_of(*change.rekeyed) : std::nullopt;
+  if (use && use->next) report_rekeyed(use->spi, *use->next, "beside its present key until then");
+  if (!stored && !change.origin)
+    log(LogLine::Level::error, "the key in use is not stored: after a restart the one before it works too");
 }
 
 void TtcCore::store_transmitter_change() {

@@ -39,6 +39,7 @@
 #include "nodes/ttc/services/connection_tester.hpp"
 #include "nodes/ttc/services/event_action_service.hpp"
 #include "nodes/ttc/services/housekeeping_scheduler.hpp"
+#include "nodes/ttc/services/key_management_service.hpp"
 #include "nodes/ttc/services/mode_causes.hpp"
 #include "nodes/ttc/services/monitoring_service.hpp"
 #include "nodes/ttc/services/own_functions.hpp"
@@ -75,6 +76,10 @@ struct WriteState {
 struct WriteKeys {
   KeySelection selection;
   KeyChange change;
+};
+/// The session keys. Answer: on_session_keys_written().
+struct WriteSessionKeys {
+  SessionKeyChange change;
 };
 /// The record that makes the next start srfs_rescue. Answer: on_rescue_entry_written().
 struct WriteRescueEntry {
@@ -163,10 +168,10 @@ struct LogLine {
 };
 
 using TtcAction =
-    std::variant<WriteJournal, WriteState, WriteKeys, WriteRescueEntry, WriteTable, CopyLinkState,
-                 ForgetWantedFloor, CommitStores, ReadStore, PublishTelecommand, PublishMode, FollowMode,
-                 RaiseEvent, TestConnection, CallParameter, ServeFile, TakeFilesTurn, ServeImaging,
-                 ServeImages, ReopenLine, RestartComputer, AcceptanceSent, LogLine>;
+    std::variant<WriteJournal, WriteState, WriteKeys, WriteSessionKeys, WriteRescueEntry, WriteTable,
+                 CopyLinkState, ForgetWantedFloor, CommitStores, ReadStore, PublishTelecommand, PublishMode,
+                 FollowMode, RaiseEvent, TestConnection, CallParameter, ServeFile, TakeFilesTurn,
+                 ServeImaging, ServeImages, ReopenLine, RestartComputer, AcceptanceSent, LogLine>;
 
 /// Why the counters of the uplink get a floor as soon as the time is valid.
 enum class FloorWanted : std::uint8_t { no, first_start, counters_lost };
@@ -186,6 +191,10 @@ class TtcCore {
   struct UnusableKey {
     std::uint16_t spi = 0;
     std::uint8_t vc = 0;
+    std::string why;
+  };
+  struct UnusableMaster {
+    std::uint16_t id = 0;
     std::string why;
   };
   struct KeyNews {
@@ -216,6 +225,10 @@ class TtcCore {
     FoundTable monitors{};
     FoundTable event_actions{};
     KeySelection keys;
+    wire::SessionKeys session_keys{};  ///< @p uplink has them already
+    std::vector<KeyEncryptionKey> masters{};
+    std::vector<UnusableMaster> unusable_masters{};
+    std::string session_keys_lost{};  ///< what is accepted now; empty: they are not
     BootTold boot;
     suite::StepRecord step{};  ///< of the start
     SpacecraftClock clock;
@@ -282,6 +295,7 @@ class TtcCore {
                           std::size_t used_octets, MonotonicTime now);
   void on_state_written(const StateChange& change, bool stored);
   void on_keys_written(const KeyChange& change, bool stored, MonotonicTime now);
+  void on_session_keys_written(const SessionKeyChange& change, bool stored, MonotonicTime now);
   void on_rescue_entry_written(const RescueEntry& entry, bool stored);
   void on_table_written(const std::string& name, const TableChange& change, bool stored);
   void on_committed(const CommitStores& commit, const PacketStoresStatus& status,
@@ -445,6 +459,8 @@ class TtcCore {
   }
   void store_mode_change();
   void store_key_change();
+  void store_session_keys();
+  void follow_confirmed_keys();
   void store_transmitter_change();
   void store_rescue_entry();
   void store_stores_change();
@@ -459,6 +475,7 @@ class TtcCore {
   void report_refused_frames();
   void report_keys_at_start();
   void report_keys(std::uint8_t vc, KeySet set, const std::string& why);
+  void report_rekeyed(std::uint16_t spi, std::uint16_t key, const std::string& why);
   void tell_of_file(const cfdp::News& news);
   void feed_playback();
   void fill_files();
@@ -495,6 +512,7 @@ class TtcCore {
   ModeService mode_service_;
   ArmingService arming_;
   KeyService key_service_;
+  KeyManagementService key_management_;
   RescueService rescue_service_;
   TransmitterService transmitter_service_;
   TimeReporter time_reports_;
@@ -540,8 +558,10 @@ class TtcCore {
   /// Of the link state with their floor, until it is stored.
   std::optional<std::uint64_t> raised_generation_;
   KeySelection key_selection_;
-  std::vector<UnusableKey> unusable_keys_;        ///< their associations are left out
-  std::vector<KeyNews> key_news_;                 ///< of the start, to be reported
+  std::vector<UnusableKey> unusable_keys_;  ///< their associations are left out
+  std::vector<KeyNews> key_news_;           ///< of the start, to be reported
+  std::vector<UnusableMaster> unusable_masters_;
+  std::string session_keys_lost_;                 ///< of the start, to be reported
   std::vector<std::string_view> damaged_tables_;  ///< of the start, to be reported
   std::deque<ImagingOrder> imaging_jobs_;         ///< for the disk; a few for each task
   bool imaging_job_runs_ = false;

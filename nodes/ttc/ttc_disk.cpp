@@ -57,6 +57,17 @@ void TtcDisk::carry_out(const WriteKeys& action) {
   if (!taken) done(false);
 }
 
+void TtcDisk::carry_out(const WriteSessionKeys& action) {
+  const auto change = std::make_shared<const SessionKeyChange>(action.change);
+  const auto done = [this, change](bool stored) {
+    core_.on_session_keys_written(*change, stored, monotonic_now());
+    answered_();
+  };
+  const bool taken =
+      workers_.state->ask([this, change] { return state_->write_session_keys(change->keys); }, done);
+  if (!taken) done(false);
+}
+
 void TtcDisk::carry_out(const WriteRescueEntry& action) {
   const auto done = [this, entry = action.entry](bool stored) {
     core_.on_rescue_entry_written(entry, stored);

@@ -35,6 +35,7 @@ class TtcDisk {
   void carry_out(const WriteJournal& action);
   void carry_out(const WriteState& action);
   void carry_out(const WriteKeys& action);
+  void carry_out(const WriteSessionKeys& action);
   void carry_out(const WriteRescueEntry& action);
   void carry_out(const WriteTable& action);
   void carry_out(const CopyLinkState& action);

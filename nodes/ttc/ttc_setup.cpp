@@ -67,8 +67,25 @@ bool on_hardware_line(const suite::Deployment& deployment, const std::filesystem
   return line != deployment.devices.end() && suite::is_hardware_line(line->second, root);
 }
 
+std::vector<KeyEncryptionKey> read_masters(const suite::Deployment& deployment,
+                                           const std::filesystem::path& root,
+                                           std::vector<TtcCore::UnusableMaster>& unusable) {
+  std::vector<KeyEncryptionKey> masters;
+  for (const suite::KeyEncryptionKeyFile& entry : deployment.link.key_encryption_keys) {
+    auto key = read_key(root / entry.key_file, on_hardware_line(deployment, root));
+    const auto id = static_cast<std::uint16_t>(entry.id);
+    if (key) {
+      masters.push_back({.id = id, .key = std::move(*key)});
+    } else {
+      unusable.push_back({.id = id, .why = key.error()});
+    }
+  }
+  return masters;
+}
+
 Result<UplinkConfig, std::string> read_channels(const suite::Deployment& deployment,
                                                 const std::filesystem::path& root,
+                                                const wire::SessionKeys& session_keys,
                                                 std::vector<TtcCore::UnusableKey>& unusable_keys) {
   const suite::LinkSettings& settings = deployment.link;
   if (auto unsafe = suite::unsafe_link(deployment, root); !unsafe.empty()) return Err(std::move(unsafe));
@@ -86,8 +103,12 @@ Result<UplinkConfig, std::string> read_channels(const suite::Deployment& deploym
       channel = config.channels.end() - 1;
     }
     if (entry.security == suite::ChannelSecurity::none) continue;
-    auto key = read_key(root / entry.key_file, on_hardware_line(deployment, root));
     const auto spi = static_cast<std::uint16_t>(entry.spi);
+    // One that was replaced in flight needs no file.
+    const auto use = session_keys.use_of(spi);
+    const auto* current = use ? session_keys.find(use->current) : nullptr;
+    auto key = current != nullptr ? Result<wire::SdlsKey, std::string>(current->octets.key())
+                                  : read_key(root / entry.key_file, on_hardware_line(deployment, root));
     if (!key) {
       unusable_keys.push_back({.spi = spi, .vc = vc, .why = key.error()});
       continue;
@@ -282,6 +303,9 @@ TtcCore::Setup TtcNode::read_setup(TtcDisk::Parts& parts, UplinkConfig channels,
     downlink.numbers = open_frame_numbers(parts.frame_numbers, frame_counts_);
   std::vector<TtcCore::KeyNews> key_news;
   KeySelection keys = state.load_keys(channels, key_news);
+  FoundSessionKeys session_keys = state.load_session_keys(channels);
+  std::vector<TtcCore::UnusableMaster> unusable_masters;
+  std::vector<KeyEncryptionKey> masters = read_masters(deployment(), var().root, unusable_masters);
   const MissionMode initial = initial_mode(get_parameter<std::string>("initial_mode"), deployment().file);
   TtcCore::Setup setup{
       .dictionary = added_.dictionary(),
@@ -297,6 +321,10 @@ TtcCore::Setup TtcNode::read_setup(TtcDisk::Parts& parts, UplinkConfig channels,
       .monitors = state.load_table(MonitoringService::table_name),
       .event_actions = state.load_table(EventActionService::table_name),
       .keys = std::move(keys),
+      .session_keys = std::move(session_keys.keys),
+      .masters = std::move(masters),
+      .unusable_masters = std::move(unusable_masters),
+      .session_keys_lost = std::move(session_keys.lost),
       .boot = load_boot(var()),
       .step = suite::StepStore(var().boot()).read(),
       .clock = SpacecraftClock(system_utc_now(), monotonic_now()),
@@ -320,7 +348,10 @@ ImageLane TtcNode::image_lane() const {
 
 ros::CallbackReturn TtcNode::on_configure() {
   std::vector<TtcCore::UnusableKey> unusable_keys;
-  auto channels = read_channels(deployment(), var().root, unusable_keys);
+  const auto session_keys =
+      wire::session_key_file(wire::session_key_folder(var().root) / wire::session_keys_name).load().state;
+  auto channels =
+      read_channels(deployment(), var().root, session_keys.value_or(wire::SessionKeys{}), unusable_keys);
   const auto downlink = channels ? read_downlink(deployment()) : Err(channels.error());
   if (!downlink) {
     set_failure_reason(downlink.error());
@@ -339,19 +370,20 @@ ros::CallbackReturn TtcNode::on_configure() {
   const auto mib = [this](const char* parameter) {
     return static_cast<std::uint64_t>(get_parameter<std::int64_t>(parameter)) << 20;
   };
-  TtcDisk::Parts parts{.state = std::make_unique<StoredState>(state_dir()),
-                       .frame_counts = FrameCountFile(state_dir() / "frame_counts"),
-                       .frame_numbers = frame_number_file(state_dir() / "frame_numbers"),
-                       .stores = std::make_unique<PacketStores>(added_.dictionary(), var().root / "store"),
-                       .files = {.root = var().root / "files",
-                                 .images = var().root / "images",
-                                 .checkpoint = state_dir() / "cfdp",
-                                 .uplink_quota_octets = mib("uplink_quota_mib"),
-                                 .free_floor_octets = mib("free_floor_mib"),
-                                 // Less than one file a second was ever sent.
-                                 .first_transaction = [] {
-                                   return static_cast<std::uint32_t>(system_utc_now().ns() / 1'000'000'000);
-                                 }}};
+  TtcDisk::Parts parts{
+      .state = std::make_unique<StoredState>(state_dir(), wire::session_key_folder(var().root)),
+      .frame_counts = FrameCountFile(state_dir() / "frame_counts"),
+      .frame_numbers = frame_number_file(state_dir() / "frame_numbers"),
+      .stores = std::make_unique<PacketStores>(added_.dictionary(), var().root / "store"),
+      .files = {.root = var().root / "files",
+                .images = var().root / "images",
+                .checkpoint = state_dir() / "cfdp",
+                .uplink_quota_octets = mib("uplink_quota_mib"),
+                .free_floor_octets = mib("free_floor_mib"),
+                // Less than one file a second was ever sent.
+                .first_transaction = [] {
+                  return static_cast<std::uint32_t>(system_utc_now().ns() / 1'000'000'000);
+                }}};
   TtcCore::Setup setup = read_setup(parts, std::move(*channels), *downlink);
   setup.seal = std::move(seal);
   setup.unusable_keys = std::move(unusable_keys);

@@ -324,6 +324,27 @@ void TtcCore::report_keys_at_start() {
     send_event(event);
   }
   for (const KeyNews& news : std::exchange(key_news_, {})) report_keys(news.vc, news.set, news.why);
+  for (const UnusableMaster& master : unusable_masters_) {
+    log(LogLine::Level::error, fmt::format("key-encryption key {} is not used: {}", master.id, master.why));
+    mission::KeysMasterUnusableEvent event;
+    event.key = master.id;
+    event.why = master.why;
+    send_event(event);
+  }
+  if (session_keys_lost_.empty()) return;
+  mission::KeysLostEvent event;
+  event.what = std::exchange(session_keys_lost_, {});
+  log(LogLine::Level::error, "the stored session keys are damaged: " + event.what);
+  send_event(event);
+}
+
+void TtcCore::report_rekeyed(std::uint16_t spi, std::uint16_t key, const std::string& why) {
+  log(LogLine::Level::warn, fmt::format("association {} takes key {}: {}", spi, key, why));
+  mission::KeysAssociationRekeyedEvent event;
+  event.spi = spi;
+  event.key = key;
+  event.why = why;
+  send_event(event);
 }
 
 void TtcCore::report_keys(std::uint8_t vc, KeySet set, const std::string& why) {

@@ -224,6 +224,18 @@ void examine_lane(Examination& x) {
   examine_lane_memory(x);
 }
 
+namespace {
+
+void examine_secret(Examination& x, const std::string& key_file, const std::optional<Account>& reader,
+                    bool simulated) {
+  const fs::path path = x.var / key_file;
+  examine_key(x, path, true, reader, simulated,
+              fmt::format("install -d -m 0700 {} && (umask 077; openssl rand -hex 32 > {})",
+                          path.parent_path().string(), path.string()));
+}
+
+}  // namespace
+
 void examine_keys(Examination& x) {
   const auto line = x.deployment.devices.find("rs422");
   const bool simulated = line == x.deployment.devices.end() || !suite::is_hardware_line(line->second, x.var);
@@ -240,15 +252,10 @@ void examine_keys(Examination& x) {
                 fmt::format("{}, and {} is a line of hardware", open, line->second),
                 "sdls; otherwise the suite does not start", "");
         }
-        continue;
       }
     }
-    for (const std::string& file : suite::key_files_of(x.deployment.link)) {
-      const fs::path path = x.var / file;
-      examine_key(x, path, true, reader, simulated,
-                  fmt::format("install -d -m 0700 {} && (umask 077; openssl rand -hex 32 > {})",
-                              path.parent_path().string(), path.string()));
-    }
+    for (const std::string& file : suite::key_files_of(x.deployment.link))
+      examine_secret(x, file, reader, simulated);
   }
   if (const NodeEntry* maintenance = x.running("maintenance_node"))
     examine_key(x, x.var / update::public_key_file, false, x.account(*maintenance), simulated, "");

@@ -68,6 +68,31 @@ bool is_key_of(const UplinkConfig& config, const wire::SdlsKey& key) {
   });
 }
 
+void use_session_keys(UplinkConfig& config, const wire::SessionKeys& keys) {
+  const auto use = [&keys](UplinkAssociation& association) {
+    const auto used = keys.use_of(association.spi);
+    if (!used || !association.set) return;
+    association.key_lost = used->current == wire::SessionKeys::lost_id;
+    if (const auto* current = keys.find(used->current); current != nullptr)
+      association.key = current->octets.key();
+    if (const auto* next = used->next ? keys.find(*used->next) : nullptr; next != nullptr)
+      association.next = UplinkAssociation::NextKey{.id = next->id, .key = next->octets.key()};
+  };
+  for (UplinkChannel& channel : config.channels) {
+    for (UplinkAssociation& association : channel.associations) use(association);
+  }
+}
+
+std::vector<std::uint16_t> rekeyable_associations(const UplinkConfig& config) {
+  std::vector<std::uint16_t> spis;
+  for (const UplinkChannel& channel : config.channels) {
+    for (const UplinkAssociation& association : channel.associations) {
+      if (association.set) spis.push_back(association.spi);
+    }
+  }
+  return spis;
+}
+
 std::vector<UplinkedPacket> UplinkChain::push(OctetView octets, MonotonicTime now) {
   now_ = now;
   counters_.octets += octets.size();
@@ -114,7 +139,7 @@ std::optional<UplinkedPacket> UplinkChain::on_data_frame(const UplinkChannel& ch
                                                          const wire::TcFrame& frame) {
   UplinkedPacket packet{.frame = {.vc = channel.vc, .type = frame.type, .sequence = frame.sequence},
                         .packet = {}};
-  std::optional<wire::SdlsOpened> opened;
+  std::optional<Opened> opened;
   if (!channel.associations.empty()) {
     opened = open_secured(channel, frame);
     if (!opened) return std::nullopt;
@@ -140,8 +165,7 @@ std::optional<UplinkedPacket> UplinkChain::on_data_frame(const UplinkChannel& ch
   ++state_.generation;
   flags_changed_ = false;
   if (opened) {
-    set_counter(opened->spi, opened->counter);
-    age_.on_accepted(opened->counter, now_);
+    on_accepted(*opened);
     if (opened->segment_header != wire::segment_header_unsegmented || opened->packet.empty()) {
       ++counters_.bad_segment;
       return std::nullopt;
@@ -160,8 +184,21 @@ std::optional<UplinkedPacket> UplinkChain::on_data_frame(const UplinkChannel& ch
   return packet;
 }
 
-std::optional<wire::SdlsOpened> UplinkChain::open_secured(const UplinkChannel& channel,
-                                                          const wire::TcFrame& frame) {
+std::optional<UplinkChain::Opened> UplinkChain::open_with_keys_of(const UplinkAssociation& association,
+                                                                  const wire::SdlsHeader& header,
+                                                                  OctetView data) {
+  if (!association.key_lost) {
+    if (auto opened = wire::sdls_open(association.key, association.spi, header, data))
+      return Opened{std::move(*opened), false};
+  }
+  if (!association.next) return std::nullopt;
+  auto opened = wire::sdls_open(association.next->key, association.spi, header, data);
+  if (!opened) return std::nullopt;
+  return Opened{std::move(*opened), true};
+}
+
+std::optional<UplinkChain::Opened> UplinkChain::open_secured(const UplinkChannel& channel,
+                                                             const wire::TcFrame& frame) {
   const auto refuse = [this] {
     ++counters_.not_authentic;
     return std::nullopt;
@@ -177,7 +214,7 @@ std::optional<wire::SdlsOpened> UplinkChain::open_secured(const UplinkChannel& c
       is_strict(channel) ? wire::SdlsHeader(wire::encode_tc_header(frame.type, frame.spacecraft_id, frame.vc,
                                                                    frame.sequence, frame.data.size()))
                          : wire::SdlsHeader(channel.vc);
-  auto opened = wire::sdls_open(association->key, association->spi, header, frame.data);
+  auto opened = open_with_keys_of(*association, header, frame.data);
   if (!opened) return refuse();
   const bool fresh = wire::is_fresh(last_counter(channel, *association), opened->counter);
   const bool out_of_range = is_strict(channel) ? opened->counter > max_strict_counter : opened->sender != 0;
@@ -228,9 +265,20 @@ void UplinkChain::on_secured_control_frame(const UplinkChannel& channel, const w
   set_farm(channel.vc, outcome.state);
   ++state_.generation;
   flags_changed_ = false;
-  set_counter(opened->spi, opened->counter);
-  age_.on_accepted(opened->counter, now_);
+  on_accepted(*opened);
   count_control(outcome.verdict);
+}
+
+void UplinkChain::on_accepted(const Opened& opened) {
+  set_counter(opened.spi, opened.counter);
+  age_.on_accepted(opened.counter, now_);
+  UplinkAssociation* const association = find(opened.spi);
+  if (!opened.with_next || association == nullptr || !association->next) return;
+  std::erase_if(confirmed_, [&](const KeyConfirmed& before) { return before.spi == opened.spi; });
+  confirmed_.push_back({.spi = opened.spi, .key = association->next->id});
+  association->key = std::move(association->next->key);
+  association->key_lost = false;
+  association->next.reset();
 }
 
 void UplinkChain::count_control(wire::FarmVerdict verdict) {
@@ -252,6 +300,40 @@ bool UplinkChain::select(std::uint8_t vc, KeySet set) {
     return has_it;
   }
   return false;
+}
+
+UplinkAssociation* UplinkChain::find(std::uint16_t spi) {
+  for (UplinkChannel& channel : config_.channels) {
+    for (UplinkAssociation& association : channel.associations) {
+      if (association.spi == spi) return &association;
+    }
+  }
+  return nullptr;
+}
+
+bool UplinkChain::has_association(std::uint16_t spi) const {
+  return std::any_of(config_.channels.begin(), config_.channels.end(), [spi](const UplinkChannel& channel) {
+    return std::any_of(channel.associations.begin(), channel.associations.end(),
+                       [spi](const UplinkAssociation& a) { return a.spi == spi; });
+  });
+}
+
+bool UplinkChain::set_next_key(std::uint16_t spi, std::optional<UplinkAssociation::NextKey> next) {
+  UplinkAssociation* const association = find(spi);
+  if (association == nullptr) return false;
+  association->next = std::move(next);
+  return true;
+}
+
+bool UplinkChain::has_key(OctetView key) const {
+  const auto same = [key](const wire::SdlsKey& other) {
+    return std::equal(key.begin(), key.end(), other.octets().begin(), other.octets().end());
+  };
+  return std::any_of(config_.channels.begin(), config_.channels.end(), [&](const UplinkChannel& channel) {
+    return std::any_of(
+        channel.associations.begin(), channel.associations.end(),
+        [&](const UplinkAssociation& a) { return same(a.key) || (a.next && same(a.next->key)); });
+  });
 }
 
 UplinkChain::Associations UplinkChain::associations() const {
@@ -295,6 +377,15 @@ std::optional<std::uint64_t> UplinkChain::counter(std::uint16_t spi) const {
   return std::nullopt;
 }
 
+std::optional<std::uint64_t> UplinkChain::newest_counter(std::uint16_t spi) const {
+  for (const UplinkChannel& channel : config_.channels) {
+    for (const UplinkAssociation& association : channel.associations) {
+      if (association.spi == spi) return last_counter(channel, association);
+    }
+  }
+  return std::nullopt;
+}
+
 void UplinkChain::set_farm(std::uint8_t vc, const wire::FarmState& farm) {
   LinkState::Channel& channel = channel_state(vc);
   if (channel.farm == farm) return;
@@ -332,6 +423,11 @@ void UplinkChain::raise_counters(std::uint64_t floor) {
     for (const UplinkAssociation& association : channel.associations)
       set_counter(association.spi, std::max(floor, counter(association.spi).value_or(0)));
   }
+  ++state_.generation;
+}
+
+void UplinkChain::raise_counter(std::uint16_t spi, std::uint64_t floor) {
+  set_counter(spi, std::max(floor, counter(spi).value_or(0)));
   ++state_.generation;
 }
 

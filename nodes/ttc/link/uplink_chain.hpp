@@ -16,6 +16,7 @@
 #include "wire/cltu.hpp"
 #include "wire/farm1.hpp"
 #include "wire/sdls.hpp"
+#include "wire/session_keys.hpp"
 #include "wire/tc_frame.hpp"
 
 namespace srfs {
@@ -27,6 +28,13 @@ struct UplinkAssociation {
   bool for_ad = true;  ///< AD frames may use it
   bool for_bd = true;
   std::optional<KeySet> set = KeySet::a;  ///< nullopt: the contingency association, which always takes frames
+  bool key_lost = false;                  ///< @p key takes no frame
+  /// Also takes frames, and from the first one on alone.
+  struct NextKey {
+    std::uint16_t id = 0;
+    wire::SdlsKey key;
+  };
+  std::optional<NextKey> next = {};
 };
 
 /// One TC virtual channel in use.
@@ -53,6 +61,11 @@ struct UplinkConfig {
     const UplinkConfig& config);
 /// Whether a key is that of an association.
 [[nodiscard]] bool is_key_of(const UplinkConfig& config, const wire::SdlsKey& key);
+
+/// Gives the associations the session keys that they use; the contingency association has none.
+void use_session_keys(UplinkConfig& config, const wire::SessionKeys& keys);
+/// SPIs that can be rekeyed: all but the contingency's.
+[[nodiscard]] std::vector<std::uint16_t> rekeyable_associations(const UplinkConfig& config);
 
 /// One count per reason; every octet that came and every frame that did not get through is in one of them.
 struct UplinkCounters {
@@ -123,6 +136,19 @@ class UplinkChain {
   [[nodiscard]] bool authenticates() const;
   /// From now on the channel takes frames of this set. @return false: it has no association of it
   bool select(std::uint8_t vc, KeySet set);
+  /// From now on the association takes frames under this key too; nullopt: under its own alone. @return
+  /// false: there is no such association
+  bool set_next_key(std::uint16_t spi, std::optional<UplinkAssociation::NextKey> next);
+  /// Associations whose next key is their only one since the last call: a frame under it was accepted.
+  struct KeyConfirmed {
+    std::uint16_t spi = 0;
+    std::uint16_t key = 0;
+    friend bool operator==(const KeyConfirmed&, const KeyConfirmed&) = default;
+  };
+  [[nodiscard]] std::vector<KeyConfirmed> take_confirmed() { return std::exchange(confirmed_, {}); }
+  /// Whether an association has these octets as key.
+  [[nodiscard]] bool has_key(OctetView key) const;
+  [[nodiscard]] bool has_association(std::uint16_t spi) const;
   /// SPIs of the first secured channel's associations in use, 0: none.
   struct Associations {
     std::uint16_t bd = 0;
@@ -146,9 +172,13 @@ class UplinkChain {
   bool on_stored(const LinkState& stored);
   /// No configured association takes @p floor or a lower counter from now on.
   void raise_counters(std::uint64_t floor);
+  /// The same for one association.
+  void raise_counter(std::uint16_t spi, std::uint64_t floor);
   /// The newest state that no restart takes back.
   [[nodiscard]] const LinkState& stored_state() const { return stored_; }
   [[nodiscard]] const wire::FarmState& farm(std::uint8_t vc) const;
+  /// The counter that the next one of an association must be above; nullopt: any is taken.
+  [[nodiscard]] std::optional<std::uint64_t> newest_counter(std::uint16_t spi) const;
   /// Last accepted counter of an association; nullopt: none yet.
   [[nodiscard]] std::optional<std::uint64_t> counter(std::uint16_t spi) const;
   [[nodiscard]] const UplinkCounters& counters() const { return counters_; }
@@ -163,9 +193,17 @@ class UplinkChain {
   [[nodiscard]] std::optional<UplinkedPacket> on_frame(OctetView octets);
   [[nodiscard]] std::optional<UplinkedPacket> on_data_frame(const UplinkChannel& channel,
                                                             const wire::TcFrame& frame);
+  struct Opened : wire::SdlsOpened {
+    bool with_next = false;  ///< under the next key
+  };
   /// @return the opened field of a secured channel; nullopt: refused and counted, and kept if it is authentic
-  [[nodiscard]] std::optional<wire::SdlsOpened> open_secured(const UplinkChannel& channel,
-                                                             const wire::TcFrame& frame);
+  [[nodiscard]] std::optional<Opened> open_secured(const UplinkChannel& channel, const wire::TcFrame& frame);
+  [[nodiscard]] static std::optional<Opened> open_with_keys_of(const UplinkAssociation& association,
+                                                               const wire::SdlsHeader& header,
+                                                               OctetView data);
+  /// Counter and key of the frame count from now on.
+  void on_accepted(const Opened& opened);
+  [[nodiscard]] UplinkAssociation* find(std::uint16_t spi);
   void on_control_frame(const UplinkChannel& channel, const wire::TcFrame& frame);
   /// Strict, on a secured channel.
   void on_secured_control_frame(const UplinkChannel& channel, const wire::TcFrame& frame);
@@ -197,6 +235,7 @@ class UplinkChain {
   std::size_t clcw_turn_ = 0;
   UplinkCounters counters_;
   std::vector<UplinkedPacket> refused_;
+  std::vector<KeyConfirmed> confirmed_;  ///< at most one for each association
 };
 
 }  // namespace srfs

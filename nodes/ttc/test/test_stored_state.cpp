@@ -14,7 +14,7 @@ class StoredStates : public testing::Test {
   /// A process starts: what it finds.
   TtcCore::Setup start() {
     const UtcTime utc_of_start(seconds(1'795'000'000));
-    state_ = std::make_unique<StoredState>(folder_.path());
+    state_ = std::make_unique<StoredState>(folder_.path(), folder_.path() / "session");
     const bool ran = state_->ran_before(folder_.path() / "store");
     TtcCore::Setup setup{.dictionary = dictionary_,
                          .node = "ttc",
@@ -100,6 +100,48 @@ TEST_F(StoredStates, AModeThatIsMissingIsSafe) {
   state_->copy_link_state(link);
   lose("mode");
   EXPECT_EQ(start().mode.mode(), MissionMode::safe);
+}
+
+UplinkConfig secured_channel(bool contingency) {
+  UplinkConfig config;
+  config.channels.push_back({.vc = 0, .associations = {}});
+  config.channels[0].associations.push_back({.spi = 1, .key = wire::SdlsKey({1}), .set = KeySet::a});
+  if (contingency)
+    config.channels[0].associations.push_back({.spi = 5, .key = wire::SdlsKey({5}), .set = std::nullopt});
+  return config;
+}
+
+TEST_F(StoredStates, SessionKeysTakeThePlaceOfTheFiles) {
+  UplinkConfig config = secured_channel(true);
+  const wire::SdlsKey fresh({7});
+  const auto keys = wire::SessionKeys{}.uploaded(128, fresh)->activated(128)->rekeyed(1, 128);
+  ASSERT_TRUE(state_->write_session_keys(keys->confirmed(1, 128)));
+  EXPECT_TRUE(state_->load_session_keys(config).lost.empty());
+  EXPECT_EQ(config.channels[0].associations[0].key.octets(), fresh.octets());
+  EXPECT_EQ(config.channels[0].associations[1].key.octets(), wire::SdlsKey({5}).octets());
+}
+
+TEST_F(StoredStates, AfterTheLossOfAllSessionKeysTheContingencyKeyIsTakenAlone) {
+  ASSERT_TRUE(state_->write_session_keys(*wire::SessionKeys{}.uploaded(128, wire::SdlsKey({7}))));
+  for (const char* copy : {"session_keys.0", "session_keys.1"})
+    std::filesystem::resize_file(folder_.path() / "session" / copy, 9);
+  UplinkConfig config = secured_channel(true);
+  EXPECT_FALSE(state_->load_session_keys(config).lost.empty());
+  EXPECT_TRUE(config.channels[0].associations[0].key_lost);
+  EXPECT_FALSE(config.channels[0].associations[1].key_lost);
+
+  UplinkConfig next_start = secured_channel(true);
+  EXPECT_TRUE(state_->load_session_keys(next_start).lost.empty()) << "told once";
+  EXPECT_TRUE(next_start.channels[0].associations[0].key_lost) << "and it stays so";
+}
+
+TEST_F(StoredStates, WithoutAContingencyKeyTheLossOfAllSessionKeysLocksNobodyOut) {
+  ASSERT_TRUE(state_->write_session_keys(*wire::SessionKeys{}.uploaded(128, wire::SdlsKey({7}))));
+  for (const char* copy : {"session_keys.0", "session_keys.1"})
+    std::filesystem::resize_file(folder_.path() / "session" / copy, 9);
+  UplinkConfig config = secured_channel(false);
+  EXPECT_FALSE(state_->load_session_keys(config).lost.empty());
+  EXPECT_FALSE(config.channels[0].associations[0].key_lost);
 }
 
 TEST_F(StoredStates, TakesTheOtherKeysWhereTheSelectedSetHasNone) {

@@ -65,8 +65,9 @@ def make(folder, build, kernel):
     content["devices"].pop("watchdog")
     content["link"]["baud"] = 115200
     deployments.write(content, folder / "deployment.yaml")
-    for association in [*content["link"]["tc_channels"], content["link"]["tm"]]:
-        key = folder / association["key_file"]
+    link = content["link"]
+    for entry in [*link["tc_channels"], *link["key_encryption_keys"], link["tm"]]:
+        key = folder / entry["key_file"]
         key.parent.mkdir(exist_ok=True)
         key.touch(0o600)
         key.write_text(secrets.token_hex(32) + "\n")
