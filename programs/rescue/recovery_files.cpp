@@ -393,6 +393,8 @@ bool RecoveryFiles::is_key(const fs::path& path) const {
   const auto is = [&path](const auto& association) {
     const std::string& file = association.key_file;
     std::error_code ec;
+    // Key-encryption keys lie beside the others.
+    if (path.extension() == ".key" && path.parent_path() == real(file).parent_path()) return true;
     return path == file || path == real(file) || fs::equivalent(path, file, ec);
   };
   return (settings_.seal && is(*settings_.seal)) ||

@@ -54,7 +54,8 @@ std::optional<wire::TmSeal> seal_of(const suite::RescueSettings& settings) {
   return seal;
 }
 
-UplinkConfig uplink_of(const suite::RescueSettings& settings) {
+/// @param session_keys  which it uses, as they are on the disk
+UplinkConfig uplink_of(const suite::RescueSettings& settings, wire::SessionKeys& session_keys) {
   UplinkConfig config;
   config.spacecraft_id = settings.spacecraft;
   config.strict = settings.tc_strict;
@@ -95,6 +96,7 @@ UplinkConfig uplink_of(const suite::RescueSettings& settings) {
       if (set != selection.state->sets.end()) known.selected = set->second;
     }
   }
+  session_keys = load_session_keys(wire::session_key_folder(settings.var), config).keys;
   return config;
 }
 
@@ -163,7 +165,7 @@ Rescuer::Rescuer(const suite::RescueSettings& settings, suite::StepRecord step, 
       devices_(std::move(devices)),
       files_(settings, [this] { feed(monotonic_now()); }),
       link_store_(std::filesystem::path(settings.var) / "state" / "ttc"),
-      uplink_(uplink_of(settings), link_store_.load(now)),
+      uplink_(uplink_of(settings, session_keys_), link_store_.load(now)),
       transmitter_(read_transmitter(settings, now)),
       frame_count_file_(std::filesystem::path(settings.var) / "state/ttc/frame_counts"),
       frame_number_file_(frame_number_file(std::filesystem::path(settings.var) / "state/ttc/frame_numbers")),
@@ -270,6 +272,7 @@ void Rescuer::take(std::vector<UplinkedPacket> packets, MonotonicTime now) {
     // Before anything is done: a frame is never taken twice, whoever is on the line then.
     store_link(packet.link);
     contact_ = now;
+    store_confirmed_keys();
     if (cfdp::is_pdu_packet(packet.packet)) {
       exchange_.on_packet(packet.packet);
     } else if (!end_) {
@@ -281,6 +284,15 @@ void Rescuer::take(std::vector<UplinkedPacket> packets, MonotonicTime now) {
     exchange_.on_contact();
   }
   (void)uplink_.take_refused();
+}
+
+/// A key whose first frame came is the only one, as ttc does it; unstored, after a restart the one before it
+/// works too.
+void Rescuer::store_confirmed_keys() {
+  const auto confirmed = uplink_.take_confirmed();
+  for (const auto& [spi, key] : confirmed) session_keys_ = session_keys_.confirmed(spi, key);
+  if (confirmed.empty()) return;
+  (void)store_session_keys(wire::session_key_folder(settings_.var), session_keys_);
 }
 
 void Rescuer::store_link(const LinkState& link) {

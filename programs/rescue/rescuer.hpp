@@ -19,6 +19,7 @@
 #include "nodes/ttc/link/frame_count_file.hpp"
 #include "nodes/ttc/link/key_selection.hpp"
 #include "nodes/ttc/link/packet_maker.hpp"
+#include "nodes/ttc/link/session_key_store.hpp"
 #include "nodes/ttc/link/transmitter_switch.hpp"
 #include "nodes/ttc/link/uplink_chain.hpp"
 #include "programs/rescue/link_store.hpp"
@@ -56,6 +57,7 @@ class Rescuer {
   void take(std::vector<UplinkedPacket> packets, MonotonicTime now);
   void take_order(const UplinkedPacket& uplinked, MonotonicTime now);
   void store_link(const LinkState& link);
+  void store_confirmed_keys();
   void pump(MonotonicTime now);
   /// Counters and numbers of the frames to come.
   void reserve_frames();
@@ -98,6 +100,7 @@ class Rescuer {
   Devices devices_;
   RecoveryFiles files_;
   LinkStore link_store_;
+  wire::SessionKeys session_keys_;
   UplinkChain uplink_;
   TransmitterSwitch transmitter_;
   FrameCountFile frame_count_file_;

@@ -13,6 +13,7 @@
 #include "programs/srfs/answer.hpp"
 #include "suite/launcher.hpp"
 #include "suite/step_down.hpp"
+#include "wire/session_keys.hpp"
 
 namespace srfs::tool {
 namespace {
@@ -58,6 +59,12 @@ Result<suite::RescueSettings::Association, std::string> association_of(const sui
   auto key = key_in(association.key_file);
   if (!key) return Err(key.error());
   association.key = std::move(*key);
+  // One that was replaced in flight: for the case that the disk with it cannot be read.
+  const auto session_keys =
+      wire::session_key_file(wire::session_key_folder(var) / wire::session_keys_name).load().state;
+  const auto use = session_keys ? session_keys->use_of(association.spi) : std::nullopt;
+  if (const auto* current = use ? session_keys->find(use->current) : nullptr; current != nullptr)
+    association.key.assign(current->octets.view().begin(), current->octets.view().end());
   return association;
 }
 

@@ -333,11 +333,13 @@ TEST_F(RecoveryFilesTest, AHundredResetsLeaveABoundedNumberOfFolders) {
 TEST_F(RecoveryFilesTest, ALogGoesIntoTheOutboxAndAKeyDoesNot) {
   put("var/log/ttc.log", "lines");
   put("var/keys/tc_uplink.key", "secret");
+  put("var/keys/session/session_keys.1", "secret");
   std::filesystem::create_symlink(at("var/keys"), at("var/log/innocent"));
 
   EXPECT_EQ(files().fetch("log/ttc.log").value_or(""), "log_ttc.log");
   EXPECT_EQ(content("var/files/outbox/log_ttc.log"), "lines");
   EXPECT_EQ(files().fetch("keys/tc_uplink.key").error().code, failure::not_restorable);
+  EXPECT_EQ(files().fetch("keys/session/session_keys.1").error().code, failure::not_restorable);
   EXPECT_FALSE(files().fetch("log/innocent/tc_uplink.key")) << "no link is followed";
   EXPECT_FALSE(files().fetch("log/../keys/tc_uplink.key"));
   EXPECT_FALSE(files().fetch("./keys/tc_uplink.key"));

@@ -19,6 +19,7 @@
 #include "wire/cltu.hpp"
 #include "wire/farm1.hpp"
 #include "wire/pus.hpp"
+#include "wire/tc_uplink.hpp"
 #include "wire/tm_frame.hpp"
 
 namespace srfs::rescue {
@@ -210,6 +211,28 @@ TEST_F(RescuerOnTheLine, ATelecommandEndsTheSilence) {
 
   EXPECT_TRUE(await_clcw([](const wire::Clcw&) { return true; })) << "it speaks";
   EXPECT_EQ(read_file(file).value_or("none"), "");
+}
+
+TEST_F(RescuerOnTheLine, SessionKeysOfTtcAreTakenAndTheFirstFrameUnderANewOneEndsTheOld) {
+  const wire::SdlsKey old({7, 1});
+  const wire::SdlsKey fresh({8, 1});
+  const std::filesystem::path folder = wire::session_key_folder(settings_.var);
+  auto keys = wire::SessionKeys{}.uploaded(128, old)->activated(128)->rekeyed(1, 128)->confirmed(1, 128);
+  keys = *keys.uploaded(129, fresh)->activated(129)->rekeyed(1, 129);
+  ASSERT_TRUE(store_session_keys(folder, keys));
+  settings_.associations = {{.vc = 1, .spi = 1, .key = Octets(32, 0x42), .key_file = "/nonexistent"}};
+  begin();
+  ASSERT_TRUE(await_clcw([](const wire::Clcw&) { return true; }));
+
+  const wire::SdlsSeal seal{.key = fresh, .spi = 1, .counter = 1};
+  send(*wire::make_uplink_cltu({.spacecraft_id = spacecraft, .vc = 1}, wire::TcFrameType::bd, 0, &seal,
+                               ping()));
+
+  send(data_frame(wire::TcFrameType::bd, 0, ping()));  // the channels' control words take turns
+  ASSERT_TRUE(await_clcw([](const wire::Clcw& clcw) { return clcw.vc == 1 && clcw.farm_b_counter == 1; }));
+  const auto stored = wire::session_key_file(folder / "session_keys").load().state;
+  ASSERT_TRUE(stored);
+  EXPECT_EQ(stored->use_of(1), (wire::SessionKeys::Use{.spi = 1, .current = 129}));
 }
 
 }  // namespace
