@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <algorithm>
 #include <cmath>
 #include <cstdint>
 #include <optional>
@@ -78,6 +79,15 @@ struct Streak {
 
   [[nodiscard]] double length_px() const { return std::hypot(x2 - x1, y2 - y1); }
 };
+
+/// Of a place from a streak's middle line.
+[[nodiscard]] inline double distance_px(const Streak& s, double x, double y) {
+  const double length = std::max(1e-6, s.length_px());
+  const double ux = (s.x2 - s.x1) / length;
+  const double uy = (s.y2 - s.y1) / length;
+  const double along = std::clamp((x - s.x1) * ux + (y - s.y1) * uy, 0.0, length);
+  return std::hypot(x - s.x1 - along * ux, y - s.y1 - along * uy);
+}
 
 /// How the lens maps directions to pixels (CameraModel).
 struct Lens {

@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "image/method.hpp"
 
+#include <algorithm>
 #include <array>
 #include <cmath>
 #include <limits>
@@ -10,6 +11,7 @@
 #include <fmt/ranges.h>
 
 #include "base/text.hpp"
+#include "image/known_stars.hpp"
 #include "image/picture.hpp"
 #include "image/plate_solver.hpp"
 #include "image/sky_measurement.hpp"
@@ -55,6 +57,12 @@ constexpr std::array star_centroid_parameters{
 constexpr ParameterSpec on_the_sky{
     "sky", 0, 0, 1, "1: also right ascension, declination, time and magnitude, by the frame's own stars"};
 
+/// A frame whose attitude is known.
+struct SolvedFrame {
+  SkyMeasurement measurement;
+  std::optional<KnownStars> known;
+};
+
 /// Measures frames against the sky, where that is asked for.
 class SkySearch {
  public:
@@ -62,8 +70,8 @@ class SkySearch {
     if (parameters["sky"] != 0) solver_.emplace();
   }
   /// @param findings  gets the attitude, or why there is none
-  [[nodiscard]] std::optional<SkyMeasurement> look(const Frame& frame, const std::vector<Star>& stars,
-                                                   FrameFindings& findings) {
+  [[nodiscard]] std::optional<SolvedFrame> look(const Frame& frame, const std::vector<Star>& stars,
+                                                FrameFindings& findings) {
     if (!solver_) return std::nullopt;
     const int width = frame.pixels.width();
     const int height = frame.pixels.height();
@@ -73,7 +81,8 @@ class SkySearch {
       return std::nullopt;
     }
     findings.attitude = solution->attitude;
-    return SkyMeasurement(*std::move(solution), stars, frame);
+    auto known = KnownStars::of(*solution, stars, width, height);
+    return SolvedFrame{SkyMeasurement(*std::move(solution), stars, frame), std::move(known)};
   }
 
  private:
@@ -93,16 +102,39 @@ class StreakSearch final : public Method {
     FrameFindings findings;
     const CleanFrame clean = clean_frame(frame, findings, clean_);
     StarField field = find_stars(clean, {.stars_max = std::numeric_limits<int>::max(), .close_ones = false});
+    const std::vector<Star> all = with_stars_ ? field.stars : std::vector<Star>{};
     findings.streaks = find_streaks(clean, field, options_);
+    const auto sky = sky_.look(frame, field.stars, findings);
+    if (sky && sky->known) {
+      const auto dropped = drop_known_stars(*sky->known, clean, findings.streaks, findings.notes);
+      give_back(all, dropped, field.stars);
+    }
     if (!with_trails_) drop_star_trails(field.stars.size(), findings);
-    if (const auto sky = sky_.look(frame, field.stars, findings)) {
-      for (Streak& s : findings.streaks) s.sky = sky->of(s);
+    if (sky) {
+      for (Streak& s : findings.streaks) s.sky = sky->measurement.of(s);
     }
     if (with_stars_) findings.stars = std::move(field.stars);
     return findings;
   }
 
  private:
+  /// Stars that a streak's light was taken for, which is none. @param stars  some of @p all, in its order
+  static void give_back(const std::vector<Star>& all, const std::vector<Streak>& dropped,
+                        std::vector<Star>& stars) {
+    if (all.empty() || dropped.empty()) return;
+    std::vector<Star> more;
+    auto next = stars.begin();
+    for (const Star& s : all) {
+      const bool is_kept = next != stars.end() && next->x == s.x && next->y == s.y;
+      if (is_kept) ++next;
+      const bool is_back = std::any_of(dropped.begin(), dropped.end(), [&](const Streak& streak) {
+        return distance_px(streak, s.x, s.y) < streak.width_px;
+      });
+      if (is_kept || is_back) more.push_back(s);
+    }
+    stars = std::move(more);
+  }
+
   static void drop_star_trails(std::size_t stars, FrameFindings& findings) {
     const auto trails = find_star_trails(findings.streaks, stars);
     if (!trails) return;
@@ -150,10 +182,15 @@ class TrackletSearch final : public Method {
     const CleanFrame clean = clean_frame(frame, findings, clean_);
     StarField field =
         find_stars(clean, {.snr_least = faint_least, .stars_max = faint_most, .close_ones = false});
-    measured_.push_back(sky_.look(frame, field.stars, findings));
+    auto sky = sky_.look(frame, field.stars, findings);
     FrameDetections of_frame;
     of_frame.stars = field.stars;
+    if (sky && sky->known) {
+      for (const Star& s : of_frame.stars) of_frame.is_known_star.push_back(sky->known->explain(s));
+    }
     of_frame.streaks = find_streaks(clean, field, streaks_);
+    if (sky && sky->known) drop_known_stars(*sky->known, clean, of_frame.streaks, findings.notes);
+    measured_.push_back(sky ? std::optional(std::move(sky->measurement)) : std::nullopt);
     of_frame.width = frame.pixels.width();
     of_frame.height = frame.pixels.height();
     of_frame.fwhm_px = clean.psf.fwhm_px();

@@ -50,9 +50,10 @@ Matrix2d turned(const Streak& s, double along, double across) {
   return axes * Vector2d(along * along, across * across).asDiagonal() * axes.transpose();
 }
 
-/// Median of what the catalogue says of the stars that agree, and its uncertainty.
+}  // namespace
+
 std::optional<Magnitude> zero_point_of(const PlateSolution& solution, const std::vector<Star>& stars) {
-  std::vector<double> zeros;
+  std::vector<double> zeros;  // their median counts
   for (const PlateSolution::Match& m : solution.matches) {
     if (stars[m.star].flux > 0)
       zeros.push_back(static_cast<double>(m.magnitude) + 2.5 * std::log10(stars[m.star].flux));
@@ -70,8 +71,6 @@ std::optional<Magnitude> zero_point_of(const PlateSolution& solution, const std:
   constexpr double median_per_mean = 1.2533;
   return Magnitude{zero, normal_per_median * median() * median_per_mean / std::sqrt(count)};
 }
-
-}  // namespace
 
 SkyMeasurement::SkyMeasurement(PlateSolution solution, const std::vector<Star>& stars, const Frame& frame)
     : solution_(std::move(solution)),

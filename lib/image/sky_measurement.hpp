@@ -7,6 +7,11 @@
 
 namespace srfs::image {
 
+/// Magnitude of a flux of 1 ADU, by the stars of a solution; nothing where they are too few.
+/// @param stars  those that were solved
+[[nodiscard]] std::optional<Magnitude> zero_point_of(const PlateSolution& solution,
+                                                     const std::vector<Star>& stars);
+
 /// What turns pixels of one frame into measurements: where it looks, how bright its light is, when it was
 /// taken.
 class SkyMeasurement {

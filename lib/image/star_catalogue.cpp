@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "image/star_catalogue.hpp"
 
+#include <algorithm>
 #include <cmath>
 #include <cstdint>
 #include <numbers>
@@ -36,6 +37,44 @@ std::int32_t take_24(const std::uint8_t* in) {
   return in[0] | (in[1] << 8) | (in[2] << 16);
 }
 
+std::span<const std::uint8_t> content() {
+  return {srfs_bright_stars_begin,
+          static_cast<std::size_t>(reinterpret_cast<std::uintptr_t>(srfs_bright_stars_end) -
+                                   reinterpret_cast<std::uintptr_t>(srfs_bright_stars_begin))};
+}
+
+const std::uint8_t* entry(std::size_t star) {
+  return srfs_bright_stars_begin + star * star_octets;
+}
+
+double magnitude_of(const std::uint8_t* in) {
+  return in[6] / 20.0;
+}
+
+std::int32_t declination_units(const std::uint8_t* in) {
+  const std::int32_t dec = take_24(in + 3);
+  return dec >= 1 << 23 ? dec - (1 << 24) : dec;
+}
+
+CatalogueStar star_of(const std::uint8_t* in) {
+  return {direction_of(360 * turns_per_unit * take_24(in), 360 * turns_per_unit * declination_units(in)),
+          magnitude_of(in)};
+}
+
+/// How many there are, the brightest first.
+std::size_t brighter_than(double faintest) {
+  std::size_t low = 0;
+  std::size_t high = content().size() / star_octets;
+  while (low < high) {
+    const std::size_t middle = low + (high - low) / 2;
+    if (magnitude_of(entry(middle)) < faintest)
+      low = middle + 1;
+    else
+      high = middle;
+  }
+  return low;
+}
+
 }  // namespace
 
 Eigen::Vector3d direction_of(double ra_deg, double dec_deg) {
@@ -45,21 +84,28 @@ Eigen::Vector3d direction_of(double ra_deg, double dec_deg) {
 }
 
 std::vector<CatalogueStar> bright_stars(double faintest) {
-  const std::span<const std::uint8_t> content(
-      srfs_bright_stars_begin,
-      static_cast<std::size_t>(reinterpret_cast<std::uintptr_t>(srfs_bright_stars_end) -
-                               reinterpret_cast<std::uintptr_t>(srfs_bright_stars_begin)));
-  const auto magnitude = [&](std::size_t star) { return content[star * star_octets + 6] / 20.0; };
-  std::size_t count = 0;
-  while ((count + 1) * star_octets <= content.size() && magnitude(count) < faintest) ++count;
+  const std::size_t count = brighter_than(faintest);
   std::vector<CatalogueStar> stars;
   stars.reserve(count);
-  for (std::size_t at = 0; at < count * star_octets; at += star_octets) {
-    const std::int32_t ra = take_24(&content[at]);
-    std::int32_t dec = take_24(&content[at + 3]);
-    if (dec >= 1 << 23) dec -= 1 << 24;
-    stars.push_back(
-        {direction_of(360 * turns_per_unit * ra, 360 * turns_per_unit * dec), content[at + 6] / 20.0});
+  for (std::size_t star = 0; star < count; ++star) stars.push_back(star_of(entry(star)));
+  return stars;
+}
+
+std::vector<CatalogueStar> stars_around(const Eigen::Vector3d& direction, double radius_rad,
+                                        double faintest) {
+  std::vector<CatalogueStar> stars;
+  if (!direction.allFinite() || !(radius_rad >= 0)) return stars;
+  const double dec = std::asin(std::clamp(direction.z(), -1.0, 1.0));
+  const double from = (dec - radius_rad) / (2 * std::numbers::pi * turns_per_unit) - 1;
+  const double to = (dec + radius_rad) / (2 * std::numbers::pi * turns_per_unit) + 1;
+  const double cosine = std::cos(radius_rad);
+  const std::size_t count = brighter_than(faintest);
+  for (std::size_t star = 0; star < count; ++star) {
+    const std::uint8_t* const in = entry(star);
+    const std::int32_t units = declination_units(in);  // most stars are too far north or south
+    if (units < from || units > to) continue;
+    const CatalogueStar found = star_of(in);
+    if (found.direction.dot(direction) >= cosine) stars.push_back(found);
   }
   return stars;
 }

@@ -22,6 +22,11 @@ inline constexpr double faintest_of_catalogue = 10.5;
 /// The stars brighter than @p faintest (catalogue/README.md), brightest first.
 [[nodiscard]] std::vector<CatalogueStar> bright_stars(double faintest = 8.5);
 
+/// Those of them at most @p radius_rad, which is below a quarter turn, away from a direction. Takes no
+/// memory for the others.
+[[nodiscard]] std::vector<CatalogueStar> stars_around(const Eigen::Vector3d& direction, double radius_rad,
+                                                      double faintest = faintest_of_catalogue);
+
 [[nodiscard]] Eigen::Vector3d direction_of(double ra_deg, double dec_deg);
 
 /// Directions by place on the sphere.

@@ -73,6 +73,9 @@ class Linker {
     index_sky();
     drop_standing_streaks();
     collect_movers();
+    if (known_stars_ > 0)
+      found_.notes.push_back(fmt::format(
+          "{} detections that moved among the frames are stars of the catalogue: left out", known_stars_));
     const std::size_t n = used_.size();
     hits_least_ =
         n >= 8 ? static_cast<std::size_t>(options_.hits_least) : std::max<std::size_t>(3, (5 * n + 7) / 8);
@@ -249,10 +252,16 @@ class Linker {
         of_frame.push_back({place.x, place.y, static_cast<int>(i), s.snr, x, y, &s,
                             std::atan2(end.y - place.y, end.x - place.x)});
       }
-      for (const Star& s : frame(i).stars) {
+      const std::vector<bool>& known = frame(i).is_known_star;
+      for (std::size_t n = 0; n < frame(i).stars.size(); ++n) {
+        const Star& s = frame(i).stars[n];
         const auto place = transform(i)(s.x, s.y);
         if (standing(i, place.x, place.y) >= standing_least() || on_detector(i, s.x, s.y) >= standing_least())
           continue;
+        if (n < known.size() && known[n]) {
+          ++known_stars_;
+          continue;
+        }
         of_frame.push_back({place.x, place.y, static_cast<int>(i), s.snr, s.x, s.y, nullptr, 0, false, &s});
       }
       if (of_frame.size() > movers_most) {
@@ -496,6 +505,7 @@ class Linker {
   };
   std::vector<Significances> significances_;  ///< of the movers of each frame
   std::size_t hits_least_ = 3;
+  std::size_t known_stars_ = 0;  ///< detections that seem to move, and are stars of the catalogue
 };
 
 }  // namespace

@@ -16,6 +16,8 @@ namespace srfs::image {
 /// One frame of a sequence as far as linking needs it.
 struct FrameDetections {
   std::vector<Star> stars;  ///< faint ones too, brightest first
+  /// Of each star: the catalogue has it, whatever the other frames show; empty: not known.
+  std::vector<bool> is_known_star;
   std::vector<Streak> streaks;
   int width = 0;
   int height = 0;

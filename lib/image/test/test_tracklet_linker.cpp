@@ -163,6 +163,20 @@ TEST_F(Sequence, TakesAHotPixelForWhatStandsStillOnTheDetector) {
   EXPECT_TRUE(found().tracklets.empty());
 }
 
+TEST_F(Sequence, TakesForAStarWhatTheCatalogueHasThoughItMovesAmongTheFrames) {
+  add_mover(200, 300, 6.5, -3.1, 8, {0, 1, 2, 3, 4, 5, 6, 7});
+  ASSERT_EQ(found().tracklets.size(), 1U);
+  for (int k = 0; k < 8; ++k) {
+    at(k).is_known_star.assign(at(k).stars.size(), false);
+    at(k).is_known_star.back() = true;
+  }
+
+  const SequenceFindings all = found();
+
+  EXPECT_TRUE(all.tracklets.empty());
+  EXPECT_THAT(all.notes, testing::ElementsAre(testing::HasSubstr("8 detections")));
+}
+
 TEST_F(Sequence, TakesAStreakThatOtherFramesShowAsStarsForStars) {
   const auto one = place(3, 400, 300, 0, 0);
   at(3).streaks.push_back({one.x, one.y, one.x + 12, one.y + 2, 15, 3000, 2.5});
