@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <iterator>
 #include <limits>
 
 #include <fmt/format.h>
@@ -17,6 +18,7 @@
 #include "image/sky_measurement.hpp"
 #include "image/star_trails.hpp"
 #include "image/streak_finder.hpp"
+#include "image/synthetic_tracking.hpp"
 
 namespace srfs::image {
 namespace {
@@ -172,6 +174,7 @@ class TrackletSearch final : public Method {
   explicit TrackletSearch(const Parameters& parameters)
       : streaks_{parameters["streak_threshold"], parameters["min_length"], parameters["caution"]},
         links_{static_cast<int>(parameters["hits"]), parameters["threshold"], parameters["max_speed"]},
+        with_faint_(parameters["faint"] != 0),
         clean_{parameters["fwhm"]},
         sky_(parameters) {}
 
@@ -188,6 +191,7 @@ class TrackletSearch final : public Method {
     if (sky && sky->known) {
       for (const Star& s : of_frame.stars) of_frame.is_known_star.push_back(sky->known->explain(s));
     }
+    if (with_faint_) keep_faint_light(clean, field, of_frame.is_known_star, findings);
     of_frame.streaks = find_streaks(clean, field, streaks_);
     if (sky && sky->known) drop_known_stars(*sky->known, clean, of_frame.streaks, findings.notes);
     measured_.push_back(sky ? std::optional(std::move(sky->measurement)) : std::nullopt);
@@ -201,23 +205,54 @@ class TrackletSearch final : public Method {
 
   SequenceFindings finish() override {
     SequenceFindings found = link_tracklets(frames_, links_);
+    if (with_faint_) add_faint(found);
     add_sky(found, measured_);
     frames_.clear();
     measured_.clear();
+    faint_.clear();
     return found;
   }
 
  private:
+  void keep_faint_light(const CleanFrame& clean, const StarField& field, const std::vector<bool>& known,
+                        FrameFindings& findings) {
+    std::size_t octets = clean.signal.size();
+    for (const FaintLight& of : faint_) octets += of.light.size();
+    if (octets > faint_octets_most) {
+      findings.notes.push_back(
+          fmt::format("faint: left out, more than {} MB of frames", faint_octets_most >> 20));
+      faint_.emplace_back();
+      return;
+    }
+    faint_.push_back(faint_light(clean, field, known));
+  }
+
+  void add_faint(SequenceFindings& found) const {
+    std::vector<double> times;
+    for (std::size_t k = 0; k < frames_.size(); ++k)
+      times.push_back(found.timed ? frames_[k].time_s.value_or(0) : static_cast<double>(k));
+    const double zero = times.empty() ? 0 : times[static_cast<std::size_t>(found.reference)];
+    for (double& t : times) t -= zero;
+    auto faint = find_faint(faint_, times, found, {links_.snr_least, links_.speed_most});
+    found.tracklets.insert(found.tracklets.end(), std::make_move_iterator(faint.begin()),
+                           std::make_move_iterator(faint.end()));
+    std::stable_sort(found.tracklets.begin(), found.tracklets.end(),
+                     [](const Tracklet& a, const Tracklet& b) { return a.snr > b.snr; });
+  }
+
   static constexpr std::size_t frames_most = 200;
   /// One frame's detections may be this faint: chance does not move evenly.
   static constexpr double faint_least = 3.5;
   static constexpr int faint_most = 50000;
+  static constexpr std::size_t faint_octets_most = std::size_t{128} << 20;
 
   StreakOptions streaks_;
   LinkOptions links_;
+  bool with_faint_;
   CleanOptions clean_;
   SkySearch sky_;
   std::vector<FrameDetections> frames_;
+  std::vector<FaintLight> faint_;  ///< of each frame; empty where it takes too much memory
   std::vector<std::optional<SkyMeasurement>> measured_;  ///< of each frame
 };
 
@@ -232,6 +267,7 @@ constexpr std::array tracklet_parameters{
     ParameterSpec{"min_length", 10, 3, 10000, "least length of a streak, px"},
     ParameterSpec{"caution", -100, -1000, 1000,
                   "chi-squared margin by which a streak must beat stars in one frame"},
+    ParameterSpec{"faint", 0, 0, 1, "1: also objects too faint for one frame, by all frames together"},
     on_the_sky,
     fwhm,
     calibrated,

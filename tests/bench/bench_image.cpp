@@ -139,6 +139,11 @@ void write(const Options& o, int number, const SkyScene& scene, const std::vecto
 // --- sequences ---
 
 constexpr int frames_of_sequence = 8;
+constexpr int frames_of_faint = 12;
+
+int frames_in(const Options& o) {
+  return o.set == "faint" ? frames_of_faint : frames_of_sequence;
+}
 
 /// Position of a sequence's frame on the sky: sky = shift + rotated pixel, around the centre of the frame.
 struct Pointing {
@@ -168,11 +173,18 @@ std::vector<SkyMover> random_movers(const Options& o, SkyRandom& random) {
   const auto add = [&](double speed, double trail, double snr) {
     const double angle = random.uniform(0, 2 * std::numbers::pi);
     SkyMover m{0, 0, speed * std::cos(angle), speed * std::sin(angle), trail, snr};
-    const double middle = (frames_of_sequence - 1) / 2.0;
+    const double middle = (frames_in(o) - 1) / 2.0;
     m.x = random.uniform(0.1, 0.9) * o.width - middle * m.vx;
     m.y = random.uniform(0.1, 0.9) * o.height - middle * m.vy;
     movers.push_back(m);
   };
+  if (o.set == "faint") {
+    for (int i = 0; i < 4; ++i) {
+      const double speed = std::exp(random.uniform(std::log(1.5), std::log(20.0)));
+      add(speed, 0.1 * speed, random.uniform(3, 4));
+    }
+    return movers;
+  }
   for (int i = 0; i < 3; ++i) {
     const double speed = std::exp(random.uniform(std::log(1.5), std::log(20.0)));
     add(speed, 0.1 * speed, random.uniform(4.5, 5.5));
@@ -228,7 +240,7 @@ void make_sequence(const Options& o, SkyRandom& random, int number) {
   for (const SkyMover& m : movers)
     truth["movers"].push_back({{"snr", m.snr}, {"trail", m.trail_px}, {"points", Json::array()}});
   const std::string name = fmt::format("{}/{}_{:03}", o.folder, o.set, number);
-  for (int k = 0; k < frames_of_sequence; ++k) {
+  for (int k = 0; k < frames_in(o); ++k) {
     const Pointing p{k * drift * std::cos(drift_angle) + 0.5 * random.normal(),
                      k * drift * std::sin(drift_angle) + 0.5 * random.normal(), k * turn};
     std::vector<SkyStar> stars;
@@ -451,6 +463,50 @@ Optics random_optics(const Options& o, SkyRandom& random) {
   return {field_deg, random.uniform(-0.05, 0.05)};
 }
 
+struct SeenStar {
+  double x;
+  double y;
+  double magnitude;
+};
+
+/// What a camera sees of the catalogue.
+struct SkyView {
+  struct Axes {
+    Eigen::Vector3d middle, right, down;
+  };
+  Axes axes;
+  int width;
+  int height;
+  double focal_px;
+  double distortion;  ///< at the corners, over their distance from the middle
+
+  [[nodiscard]] std::vector<SeenStar> stars(double known_to, double faintest) const {
+    std::vector<SeenStar> seen;
+    const double corner_px = std::hypot(width, height) / 2;
+    for (const image::CatalogueStar& s : image::bright_stars(known_to)) {
+      const double ahead = s.direction.dot(axes.middle);
+      if (ahead < 0.75 || s.magnitude > faintest) continue;
+      const Eigen::Vector2d flat =
+          focal_px / ahead * Eigen::Vector2d(s.direction.dot(axes.right), s.direction.dot(axes.down));
+      const double square = flat.squaredNorm() / (corner_px * corner_px);
+      if (square > 1.5) continue;  // farther out the polynomial turns back
+      const double x = (width - 1) / 2.0 + flat.x() * (1 + distortion * square);
+      const double y = (height - 1) / 2.0 + flat.y() * (1 + distortion * square);
+      if (x > -5 && y > -5 && x < width + 4 && y < height + 4) seen.push_back({x, y, s.magnitude});
+    }
+    return seen;
+  }
+};
+
+SkyView view_of(const Options& o, const Eigen::Vector3d& middle, double roll_deg, double focal_px,
+                double distortion) {
+  const double roll = roll_deg * std::numbers::pi / 180;
+  const Eigen::Vector3d east = Eigen::Vector3d(-middle.y(), middle.x(), 0).normalized();
+  const Eigen::Vector3d north = middle.cross(east);
+  const Eigen::Vector3d down = -std::cos(roll) * north - std::sin(roll) * east;
+  return {{middle, down.cross(middle), down}, o.width, o.height, focal_px, distortion};
+}
+
 /// A field at a random pointing, with the catalogue's stars and random fainter ones.
 void make_plate(const Options& o, SkyRandom& random, int number) {
   using Eigen::Vector3d;
@@ -466,29 +522,16 @@ void make_plate(const Options& o, SkyRandom& random, int number) {
                               ? random.uniform(8, 9.5)
                               : random.uniform(10, 11.5) - 2 * std::log(field_deg / 2) / std::log(3.0);
   const double focal_px = o.width / 2.0 / std::tan(field_deg * std::numbers::pi / 360);
-  const double roll = roll_deg * std::numbers::pi / 180;
-  const Vector3d middle = image::direction_of(ra_deg, dec_deg);
-  const Vector3d east = Vector3d(-middle.y(), middle.x(), 0).normalized();
-  const Vector3d north = middle.cross(east);
-  const Vector3d down = -std::cos(roll) * north - std::sin(roll) * east;
-  const Vector3d right = down.cross(middle);
+  const SkyView view = view_of(o, image::direction_of(ra_deg, dec_deg), roll_deg, focal_px, distortion);
+  const Vector3d middle = view.axes.middle;
+  const Vector3d right = view.axes.right;
+  const Vector3d down = view.axes.down;
   const auto flux = [&](double x, double y, double magnitude) {
     return flux_for_snr(scene, x, y, std::min(20000.0, 6 * std::pow(10, 0.4 * (faintest - magnitude))));
   };
   std::vector<SkyStar> stars;
-  const double corner_px = std::hypot(o.width, o.height) / 2;
-  for (const image::CatalogueStar& s : image::bright_stars(known_to)) {
-    const double ahead = s.direction.dot(middle);
-    if (ahead < 0.75 || s.magnitude > faintest + 1.5) continue;
-    const Eigen::Vector2d flat =
-        focal_px / ahead * Eigen::Vector2d(s.direction.dot(right), s.direction.dot(down));
-    const double square = flat.squaredNorm() / (corner_px * corner_px);
-    if (square > 1.5) continue;  // farther out the polynomial turns back
-    const double x = (o.width - 1) / 2.0 + flat.x() * (1 + distortion * square);
-    const double y = (o.height - 1) / 2.0 + flat.y() * (1 + distortion * square);
-    if (x > -5 && y > -5 && x < o.width + 4 && y < o.height + 4)
-      stars.push_back({x, y, flux(x, y, s.magnitude)});
-  }
+  for (const SeenStar& s : view.stars(known_to, faintest + 1.5))
+    stars.push_back({s.x, s.y, flux(s.x, s.y, s.magnitude)});
   // Star counts triple with each magnitude.
   const double known = static_cast<double>(stars.size());
   const int fainter = static_cast<int>(known * (std::pow(3.0, std::max(0.0, faintest + 0.5 - known_to)) - 1));
@@ -529,6 +572,58 @@ void make_plate(const Options& o, SkyRandom& random, int number) {
          {"scale_arcsec_px", 180 * 3600 / std::numbers::pi / focal_px}});
 }
 
+// --- the Milky Way ---
+
+/// The densest fields of the catalogue, 8 to 25 degrees wide.
+SkyView random_dense_view(const Options& o, SkyRandom& random) {
+  using Eigen::Vector3d;
+  const Vector3d pole = image::direction_of(192.859, 27.128);
+  const Vector3d ahead = image::direction_of(266.405, -28.936);  // the galaxy's middle
+  const double longitude = random.uniform(0, 2 * std::numbers::pi);
+  const Vector3d middle = (std::cos(longitude) * ahead + std::sin(longitude) * pole.cross(ahead) +
+                           random.uniform(-0.1, 0.1) * pole)
+                              .normalized();
+  const double field_deg = 8 * std::pow(3.0, random.uniform());
+  const double focal_px = o.width / 2.0 / std::tan(field_deg * std::numbers::pi / 360);
+  return view_of(o, middle, random.uniform(0, 360), focal_px, random.uniform(-0.02, 0.02));
+}
+
+/// With streaks of SNR 8 and more among the stars.
+void make_dense(const Options& o, SkyRandom& random, int number) {
+  SkyScene scene = random_scene(o, random);
+  scene.fwhm_px = random.uniform(1.4, 3.5);
+  const SkyView view = random_dense_view(o, random);
+  const double faintest = random.uniform(8.5, 10);  // at SNR 6
+  std::vector<SkyStar> stars;
+  for (const SeenStar& s : view.stars(image::faintest_of_catalogue, faintest + 1.5)) {
+    const double snr = 6 * std::pow(10, 0.4 * (faintest - s.magnitude) + 0.04 * random.normal());
+    stars.push_back({s.x, s.y, flux_for_snr(scene, s.x, s.y, std::min(20000.0, snr))});
+  }
+  std::vector<SkyStreak> streaks = random_streaks(scene, random, 6, 15, 200);
+  for (SkyStreak& s : streaks) s.flux_e *= 8.0 / 12;
+  write(o, number, scene, stars, streaks, Json{{"ra_deg", 0}});
+}
+
+/// Through the lens of a small camera of 8 bits, mostly compressed; no streak.
+void make_finder(const Options& o, SkyRandom& random, int number) {
+  LensScene scene = random_lens(o, random);
+  while (scene.detector.saturation_adu > 255) scene = random_lens(o, random);
+  const SkyView view = random_dense_view(o, random);
+  const double faintest = random.uniform(8, 9.5);
+  const double unit = flux_for_snr(scene, 1);
+  std::vector<SkyStar> stars;
+  for (const SeenStar& s : view.stars(image::faintest_of_catalogue, faintest + 1.5)) {
+    const double snr = 6 * std::pow(10, 0.4 * (faintest - s.magnitude) + 0.04 * random.normal());
+    stars.push_back({s.x, s.y, unit * std::min(20000.0, snr)});
+  }
+  const std::string name = fmt::format("{}/{}_{:03}", o.folder, o.set, number);
+  write_lens_frame(scene, stars, {}, name + ".fits");
+  std::ofstream(name + ".json") << Json{
+      {"fwhm", scene.lens.fwhm_px},
+      {"jpeg_quality", scene.detector.jpeg_quality},
+      {"streaks", Json::array()}}.dump();
+}
+
 void make(const Options& o) {
   SkyRandom random(o.seed);
   if (o.set == "lossless") {
@@ -539,7 +634,12 @@ void make(const Options& o) {
     for (int i = 0; i < o.frames; ++i) make_plate(o, random, i);
     return;
   }
-  if (o.set == "sequence") {
+  if (o.set == "dense" || o.set == "finder") {
+    for (int i = 0; i < o.frames; ++i)
+      o.set == "dense" ? make_dense(o, random, i) : make_finder(o, random, i);
+    return;
+  }
+  if (o.set == "sequence" || o.set == "faint") {
     for (int i = 0; i < o.frames; ++i) make_sequence(o, random, i);
     return;
   }
@@ -566,9 +666,9 @@ int main(int argc, char** argv) {
   app.add_option("FOLDER", options.folder)->required()->check(CLI::ExistingDirectory);
   app.add_option("--set", options.set, "What is in them; lossless: measures how they are packed, writes none")
       ->check(CLI::IsMember({"stars", "streaks", "short", "empty", "sequence", "plate", "lens", "camera",
-                             "trails", "pattern", "passes", "lossless"}))
+                             "trails", "pattern", "passes", "dense", "finder", "faint", "lossless"}))
       ->capture_default_str();
-  app.add_option("--frames", options.frames, "Frames, or sequences of eight")
+  app.add_option("--frames", options.frames, "Frames, or sequences of eight (faint: twelve)")
       ->check(CLI::Range(1, 999))
       ->capture_default_str();
   app.add_option("--width", options.width)->check(CLI::Range(64, 8192))->capture_default_str();

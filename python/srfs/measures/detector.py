@@ -158,7 +158,7 @@ def hits_of(truth, mover, tracklet):
 class TrackletScore:
     """Moving objects in sequences of frames."""
 
-    BINS = ((4.5, 5.5), (5.5, 1000))
+    BINS = ((3, 4), (4.5, 5.5), (5.5, 1000))
 
     def __init__(self):
         self.of, self.hit = defaultdict(int), defaultdict(int)
@@ -351,10 +351,10 @@ def peer(fits, folder):
     return cpu, [{"x": float(r[0]) - 1, "y": float(r[1]) - 1, "flux": float(r[2])} for r in rows]
 
 
-def sequences_in(target):
+def sequences_in(target, name):
     """@return [(FITS files in order, truth)]"""
     made = []
-    for path in sorted(target.glob("sequence_???.json")):
+    for path in sorted(target.glob(f"{name}_???.json")):
         truth = json.loads(path.read_text())
         made.append(([path.with_name(f"{path.stem}_{k}.fits") for k in range(len(truth["frames"]))], {**truth, "file": path.stem}))
     return made
@@ -368,8 +368,8 @@ def frames_of(bin_dir, folder, name, options, **size):
     for key, value in size.items():
         command += [f"--{key}", str(value)]
     run_timed(command)
-    if name == "sequence":
-        return sequences_in(target)
+    if name in ("sequence", "faint"):
+        return sequences_in(target, name)
     made = []
     for fits in sorted(target.glob(f"{name.split('_')[0]}_???.fits")):
         truth = json.loads(fits.with_suffix(".json").read_text())
@@ -445,11 +445,27 @@ def measure_trails(bin_dir, frames):
     return score.result()
 
 
-def measure_tracklets(bin_dir, sequences):
-    score = TrackletScore()
+def measure_tracklets(bin_dir, sequences, *options):
+    score, cpu = TrackletScore(), 0.0
     for files, truth in sequences:
-        score.add(truth, detect(bin_dir, "tracklet", *files)[1])
-    return score.result()
+        used, found = detect(bin_dir, "tracklet", *options, *files)
+        score.add(truth, found)
+        cpu += used
+    return {**score.result(), "cpu_s_per_sequence": round(cpu / len(sequences), 3)}
+
+
+def measure_known(bin_dir, frames):
+    """Streaks before the Milky Way: without an attitude, and with the catalogue's stars taken for stars."""
+    result = {}
+    for name, options in (("without", []), ("with_sky", ["--params", "sky=1"])):
+        score, solved = StreakScore(), 0
+        for fits, truth in frames:
+            _, found = detect(bin_dir, "streak", *options, fits)
+            score.add(truth, found["streaks"])
+            solved += bool(found["frames"][0].get("solution"))
+        row = score.result()
+        result[name] = {"frames": len(frames), "solved": solved, **{key: row[key] for key in ("streaks", "recall", "false_per_frame")}}
+    return result
 
 
 def measure_plates(bin_dir, frames):
@@ -527,6 +543,12 @@ def measure(bin_dir, options, say):
         result["pattern"] = measure_pattern(bin_dir, folder, frames_of(bin_dir, folder, "pattern", options, frames=max(2, options.frames // 2)))
         say("bench image: sequences of eight frames")
         result["sequences"] = measure_tracklets(bin_dir, frames_of(bin_dir, folder, "sequence", options, frames=max(2, options.frames // 3)))
+        say("bench image: sequences of twelve frames with faint objects")
+        faint = frames_of(bin_dir, folder, "faint", options, frames=max(2, options.frames // 3))
+        result["faint"] = {name: measure_tracklets(bin_dir, faint, "--params", f"faint={value}") for name, value in (("without", 0), ("stacked", 1))}
+        say("bench image: the Milky Way")
+        result["dense"] = measure_known(bin_dir, frames_of(bin_dir, folder, "dense", options, frames=options.frames))
+        result["finder"] = measure_known(bin_dir, frames_of(bin_dir, folder, "finder", options, frames=options.frames))
         say("bench image: attitude")
         result["plates"] = measure_plates(bin_dir, frames_of(bin_dir, folder, "plate", options, frames=2 * options.frames))
         result["lenses"] = measure_plates(bin_dir, frames_of(bin_dir, folder, "lens", options, frames=2 * options.frames))
@@ -567,6 +589,11 @@ def show(result):
     row = result["sequences"]
     print(f"  tracklets in {row['sequences']} sequences of 8: recall {row['recall']}, {row['false_per_sequence']} false a sequence; registration {row['registration_rms_px']} px rms, {row['frames_not_registered']} frames not registered")
     print(f"  streaks of 10 to 20 px after the veto of all frames: {row['streaks_10_20_after_veto']}")
+    for name, row in result["faint"].items():
+        print(f"  SNR 3 to 4 in 12 frames, {name}: recall {row['recall']}, {row['false_per_sequence']} false a sequence, {row['cpu_s_per_sequence']} s")
+    for name, kind in (("dense", "streaks before the Milky Way"), ("finder", "the Milky Way in 8 bits, no streak")):
+        for how, row in result[name].items():
+            print(f"  {kind}, {how}: {row['solved']} of {row['frames']} solved, recall {row['recall']}, {row['false_per_frame']} false a frame")
     for name, kind in (("plates", "fields 6 to 15 degrees wide"), ("lenses", "fields 2 to 60 degrees wide, distortion up to 5 %")):
         row = result[name]
         print(f"  attitude of {row['frames']} {kind}: {row['solved']} solved, {row['wrong']} wrong, arcsec {row['arcsec']}, px {row['px']}, rms px {row['rms_px']}, ms after the centroids {row['ms_after_centroids']}")
