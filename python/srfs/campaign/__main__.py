@@ -205,7 +205,7 @@ def run_commandability(options, out, seed, signals, say):
     say(f"{len(orders)} orders, seed {seed}")
     shutil.rmtree(options.var or out / "var", ignore_errors=True)
     deployment = options.deployment or deployments.copy(deployments.FOLDER / "sim.yaml", out / "deployment.yaml", [commandability.LIMIT])
-    with commandability.Trials(options.var or out / "var", deployment, options.bin, say) as trials:
+    with commandability.Trials(options.var or out / "var", deployment, options.bin, say, out / "deaf") as trials:
         trials.give_all(orders, lambda: signals.wait(0))
     trials.write(out)
     return trials.judge(), lambda: None

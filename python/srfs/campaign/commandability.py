@@ -16,6 +16,7 @@ import json
 import pathlib
 import shutil
 import signal
+import stat
 import time
 
 import mission_dictionary
@@ -30,6 +31,7 @@ ANSWER_S = 5  # of one ping
 ORDER_S = 4  # how long the end of an order is waited for; long tasks go on beside the next ones
 LOOKS_S = 25  # how long the satellite is asked after an order that starves the watchdog late, if at all
 LIMIT = ("  period_ms: 100 ", "  command_path_limit_ms: 20000\n  period_ms: 100 ")  # an order on board ends within LIMIT_S
+MOST_KEPT = 5  # satellites that were deaf, of which the folder is kept
 GRACE_S = 3  # from ttc.transmitter_off to the silence
 NODES = ("ttc", "timing", "can_switcher", "maintenance", "payload_eps")  # for an argument that is a node: the command path, and one beside it
 LOCAL_NODES = (*NODES, "payload_adcs", "payload_thermal", "image_acquisition", "image_processing")
@@ -100,6 +102,11 @@ def argument_ends(dictionary, command, argument):
     return tuple(str(end) for end in NUMBERS[argument["type"]])
 
 
+def _sockets(folder, names):
+    """What cannot be copied: sockets and pipes."""
+    return [name for name in names if stat.S_IFMT((pathlib.Path(folder) / name).lstat().st_mode) not in (stat.S_IFREG, stat.S_IFDIR, stat.S_IFLNK)]
+
+
 def quoted(value):
     return f'"{value}"' if value == "" or " " in value else value
 
@@ -129,7 +136,7 @@ def parameter_orders(dictionary, only=()):
         if only and name not in only:
             continue
         if parameter["type"] == "text":
-            ends = ["", "payload_eps"]
+            ends = ["", "payload_eps", "x" * parameter["max"]]
         else:
             ends = [str(v) for v in argument_ends(dictionary, "", parameter)]
             ends = [ends[0], ends[-1]]
@@ -149,13 +156,13 @@ def local_orders(only=()):
 
 
 def hazardous_pairs(dictionary):
-    def ends(command):
-        orders = list(command_orders(dictionary, (command["name"],)))
-        return orders[-1]
-
-    hazardous = [c for c in dictionary.commands if c.get("hazardous")]
-    for first, second in itertools.permutations(hazardous, 2):
-        a, b = ends(first), ends(second)
+    """Each with the smallest and with the largest arguments; one is followed by itself, too."""
+    ends = []
+    for command in dictionary.commands:
+        if command.get("hazardous"):
+            orders = list(command_orders(dictionary, (command["name"],)))
+            ends += orders[:1] + orders[-1:] if len(orders) > 1 else orders
+    for a, b in itertools.product(ends, repeat=2):
         yield Order("pair", f"{a.name} + {b.name}", a.lines + b.lines, b.undo + a.undo)
 
 
@@ -170,8 +177,11 @@ def dangerous_orders():
 
 
 class Trials:
-    def __init__(self, var, deployment, bin_dir, say):
+    """Gives orders to one suite after the other. @param kept  folder for what the first MOST_KEPT deaf satellites left behind; None: nothing is kept"""
+
+    def __init__(self, var, deployment, bin_dir, say, kept=None):
         self.var, self.deployment, self.bin_dir, self.say = pathlib.Path(var), deployment, bin_dir, say
+        self.kept = kept
         self.flight = self.ground = None
         self.results = []
         self.fresh_suites = 0
@@ -197,6 +207,10 @@ class Trials:
     def renew(self):
         """A fresh suite, which knows nothing of what was ordered."""
         self._end()
+        deaf = sum(not r["ok"] for r in self.results)
+        if self.kept and deaf <= MOST_KEPT:
+            shutil.rmtree(self.kept / str(deaf), ignore_errors=True)
+            shutil.copytree(self.var, self.kept / str(deaf), symlinks=True, ignore=_sockets)
         shutil.rmtree(self.var, ignore_errors=True)
         self._begin()
 
