@@ -61,6 +61,8 @@ class AttitudeModel {
   [[nodiscard]] bool set_target(const Eigen::Quaterniond& target);
   /// For mode idle. @param wheel 0-2  @return false beyond the wheel's highest speed
   [[nodiscard]] bool set_wheel_speed(std::size_t wheel, double speed_rad_s);
+  /// As if something had pushed it. Body frame.
+  void set_rate(const Eigen::Vector3d& rate_rad_s) { state_.rate_rad_s = rate_rad_s; }
   /// The controller restarts: idle, target identity, wheels keep their speed.
   void restart_controller();
 

@@ -72,6 +72,8 @@ class PowerModel {
   /// @param dt_s  0 or more; 0 only solves the circuit for @p input
   void step(double dt_s, const PowerInput& input);
   void switch_load(Load load, bool on);
+  /// As if it had been charged or discharged to it. @param charge  0-1
+  void set_charge(double charge) { state_.charge = charge; }
   /// @return false outside 0-1
   [[nodiscard]] bool set_charge_limit(double charge);
 

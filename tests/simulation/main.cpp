@@ -10,6 +10,7 @@
 #include <CLI/CLI.hpp>
 
 #include "base/file.hpp"
+#include "tests/simulation/commandability.hpp"
 #include "tests/simulation/run.hpp"
 
 namespace {
@@ -29,6 +30,7 @@ struct Options {
   std::string trace;
   std::string plot;
   double stop_at_s = 0;
+  std::size_t pairs = 0;
   bool shrink = true;
   bool coverage = false;
 };
@@ -86,6 +88,23 @@ bool fly(const RunSettings& settings, bool with_shrink, TransitionCounts& transi
   return !outcome.violation;
 }
 
+/// @return whether the spacecraft could be commanded after each pair
+bool give_pairs(std::uint64_t seed, std::size_t pairs) {
+  const std::clock_t begun = std::clock();
+  const CommandabilityOutcome outcome = run_commandability({.seed = seed, .pairs = pairs});
+  fmt::print(
+      "seed {:>6}  {:>6} pairs of {} orders in {:>7.2f} s  {:>6} telecommands completed  {:>4} kills  "
+      "{:>3} boots  slowest {:.1f} s  {}\n",
+      seed, outcome.pairs, outcome.orders, static_cast<double>(std::clock() - begun) / CLOCKS_PER_SEC,
+      outcome.completed, outcome.kills, outcome.boots, static_cast<double>(outcome.slowest.count()) / 1e9,
+      outcome.violation ? "VIOLATION" : "ok");
+  if (outcome.violation)
+    fmt::print("\nVIOLATION of {}: {}\n\n{}\nAgain: ./run simulate --seed {} --pairs {}\n",
+               outcome.violation->requirement, outcome.violation->text, outcome.diagram, seed, pairs);
+  std::fflush(stdout);
+  return !outcome.violation;
+}
+
 int simulate(const Options& options) {
   auto seeds = std::optional(std::pair(options.seed, options.seed));
   if (!options.seeds.empty()) seeds = two_numbers(options.seeds, "..");
@@ -123,6 +142,10 @@ int simulate(const Options& options) {
   TransitionCounts transitions{};
   for (std::uint64_t seed = seeds->first; seed <= seeds->second; ++seed) {
     if ((seed - seeds->first) % shard->second != shard->first - 1) continue;
+    if (options.pairs > 0) {
+      all_well = give_pairs(seed, options.pairs) && all_well;
+      continue;
+    }
     settings.seed = seed;
     settings.faults = options.faults == "swarm" ? swarm_of(seed) : *chosen;
     all_well = fly(settings, options.shrink, transitions) && all_well;
@@ -153,6 +176,9 @@ int main(int argc, char** argv) {
   app.add_option("--trace", options.trace, "file for all steps");
   app.add_option("--stop-at", options.stop_at_s,
                  "seconds of virtual time after which a run ends, instead of --days");
+  app.add_option("--pairs", options.pairs,
+                 "instead of faults: so many pairs of telecommands, with the smallest and the largest "
+                 "arguments; after each the spacecraft can be commanded");
   app.add_option("--plot", options.plot,
                  "SVG file: mode, power, temperatures, slots, faults and recoveries of the last run");
   app.add_flag("--coverage", options.coverage, "behind the runs: which state transitions they had");

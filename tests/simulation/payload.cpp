@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "tests/simulation/payload.hpp"
 
+#include "base/text.hpp"
 #include "nodes/payload/frame_conversion.hpp"
 #include "suite/commanding/messages.hpp"
 
@@ -48,6 +49,7 @@ Payload::Payload(Host& host, PayloadSurroundings surroundings)
       link_(profile_->make_link(around_.can_address)),
       can_(around_.can.open(host, filters_of(*link_), [this] { on_can_input(); })),
       leased_(*can_),
+      mode_(host, around_.topics, around_.modes, [this] { hold_to_mode(); }),
       timer_(host.kernel(), host.guard(), [this] {
         pump();
         run(cycle_->on_deadline(host_.now()));
@@ -57,6 +59,7 @@ void Payload::start() {
   restore();
   open_topics();
   host_.every(report_period, [this] { flush_reports(); });
+  mode_.start();
   run(cycle_->activate(host_.now()));
 }
 
@@ -75,6 +78,12 @@ void Payload::restore() {
       std::move(journal));
   if (around_.ids_lost) cycle_->restore_ids_lost();
   if (around_.disk.read(host_.name() + "/peripheral_kept_off")) cycle_->restore_kept_off();
+  const auto once_done = around_.disk.read(host_.name() + "/mode_orders_done");
+  once_done_ = once_done ? OnceDone(as_text(*once_done)) : OnceDone(std::nullopt);
+  mode_orders_ = resolve_orders(around_.dictionary, around_.modes, host_.name(),
+                                [profile = profile_.get()](std::uint16_t function, OctetView arguments) {
+                                  return profile->decode_command(function, arguments);
+                                });
 }
 
 void Payload::open_topics() {
@@ -245,6 +254,27 @@ void Payload::carry_out(const ProcessMeasurement& action) {
 
 void Payload::carry_out(const CommandDone& action) {
   (void)profile_->on_command_done(action.command);
+}
+
+/// As PayloadNode does.
+void Payload::hold_to_mode() {
+  const suite::ModeInForce& mode = *mode_.in_force();
+  if (mode.by_itself) remember_once_done(std::nullopt);
+  ModeOrders::OfMode orders = mode_orders_.modes[mode.name];
+  if (mode.by_itself || once_done_.is_of(mode.change)) orders.once.clear();
+  run(cycle_->set_orders(std::move(orders.once), std::move(orders.hold), around_.modes.repeat, host_.now()));
+}
+
+void Payload::remember_once_done(std::optional<std::uint32_t> change) {
+  if (!once_done_.set(change)) return;
+  around_.disk.write(host_, host_.name() + "/mode_orders_done", octets_of_text(once_done_.stored_text()),
+                     [](bool) {});
+}
+
+void Payload::carry_out(const OrdersObeyed& action) {
+  if (!mode_.in_force()) return;
+  if (!mode_.in_force()->by_itself) remember_once_done(mode_.in_force()->change);
+  mode_.report_obeyed(action.done);
 }
 
 void Payload::carry_out(const WriteTelecommands& action) {

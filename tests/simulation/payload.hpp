@@ -9,12 +9,14 @@
 #include "base/action_queue.hpp"
 #include "base/bounded_queue.hpp"
 #include "nodes/payload/flag_check.hpp"
+#include "nodes/payload/mode_orders.hpp"
 #include "nodes/payload/payload_cycle.hpp"
 #include "nodes/payload/payload_profile.hpp"
 #include "nodes/payload/peripheral_link.hpp"
 #include "suite/mission_time.hpp"
 #include "tests/simulation/can_line.hpp"
 #include "tests/simulation/disk.hpp"
+#include "tests/simulation/mode_following.hpp"
 #include "tests/simulation/topics.hpp"
 
 namespace srfs::simulation {
@@ -43,6 +45,8 @@ struct PayloadSurroundings {
   std::uint8_t can_address = 0;
   std::string boot_id;
   std::function<std::unique_ptr<PayloadProfile>()> make_profile;
+  const mission::Dictionary& dictionary;
+  const suite::ModeSettings& modes;
 };
 
 /// A payload node's logic (PayloadCycle, PeripheralLink, FlagCheck, its profile) with what PayloadNode
@@ -56,6 +60,7 @@ class Payload final : public Program {
   /// It may write to the bus now, as far as its handle lets it.
   [[nodiscard]] bool may_write() const { return leased_.granted(host_.now()) && cycle_->holds_bus(); }
   [[nodiscard]] const PayloadCycle& cycle() const { return *cycle_; }
+  [[nodiscard]] const ModeFollowing& mode() const { return mode_; }
 
  private:
   void restore();
@@ -75,7 +80,7 @@ class Payload final : public Program {
   void carry_out(const AwaitQuiet& action);
   void carry_out(const ProcessMeasurement& action);
   void carry_out(const CommandDone& action);
-  void carry_out(const OrdersObeyed& /*action*/) {}
+  void carry_out(const OrdersObeyed& action);
   void carry_out(const OrderRefused& /*action*/) {}
   void carry_out(const WriteTelecommands& action);
   void carry_out(const SwitchPower& action);
@@ -87,6 +92,8 @@ class Payload final : public Program {
   void carry_out(const Activity& action);
   void write_journal();
   void flush_reports();
+  void hold_to_mode();
+  void remember_once_done(std::optional<std::uint32_t> change);
 
   Host& host_;
   PayloadSurroundings around_;
@@ -97,6 +104,9 @@ class Payload final : public Program {
   hw::LeasedCanBus leased_;
   FlagCheck flag_check_;
   std::optional<PayloadCycle> cycle_;
+  ModeOrders mode_orders_;
+  OnceDone once_done_;
+  ModeFollowing mode_;
   suite::MissionTime time_;
   ActionQueue<PayloadAction> actions_;
   Deadline timer_;

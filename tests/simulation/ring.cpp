@@ -74,7 +74,13 @@ void Ring::lose_power() {
   last_deaf_kill_.reset();
 }
 
+void Ring::keep_down(Host& host) {
+  kept_down_.insert(index(host.name()));
+  if (host.pid() != 0) host.end("SIGKILL, and it cannot be started");
+}
+
 void Ring::begin(std::size_t i) {
+  if (kept_down_.contains(i)) return;
   suite::count_start(subjects_[i].deaths, kernel_.now());
   (void)versions_.on_begin(*members_[i]);
   members_[i]->begin(start_time());

@@ -4,6 +4,7 @@
 
 #include <deque>
 #include <memory>
+#include <set>
 #include <vector>
 
 #include "suite/ring/restart_policy.hpp"
@@ -39,6 +40,8 @@ class Ring {
   void set_quiet(bool quiet) { quiet_ = quiet; }
   /// A process restarts it.
   [[nodiscard]] bool is_locked(const Host& host) const { return subjects_[index(host.name())].lock != 0; }
+  /// It is not started any more, as a node that cannot be: as good as in quarantine.
+  void keep_down(Host& host);
   /// For another version: what runs is ended. @return number of the new process
   pid_t restart_now(Host& host);
 
@@ -70,6 +73,7 @@ class Ring {
     std::optional<MonotonicTime> not_before;
   };
   std::vector<Subject> subjects_;
+  std::set<std::size_t> kept_down_;
   std::optional<MonotonicTime> last_deaf_kill_;
   std::uint64_t restarts_ = 0;
   std::uint32_t boots_ = 0;  ///< times that the power was lost

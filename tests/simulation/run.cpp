@@ -41,6 +41,7 @@ class CalmCheck {
  private:
   void check() const {
     spacecraft_.commands().check_ends(begun_);
+    spacecraft_.commands().check_mode();
     spacecraft_.ttc_flash().stores.check();
     spacecraft_.ttc_flash().files.check_ends(begun_, spacecraft_.files_under_way());
     spacecraft_.packages().check_ends(begun_);

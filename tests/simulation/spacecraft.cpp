@@ -26,30 +26,41 @@ sim::WorldSettings world_settings(Kernel& kernel) {
   sim::WorldSettings settings;
   settings.time_acceleration = 1;
   settings.seed = kernel.random("world").next();
+  settings.power.undervoltage_charge = 0;  // the power supply sheds nothing by itself
+  settings.power.cut_out_charge = 0.037;   // launch_config/sim_mission.yaml
   return settings;
 }
 
-/// A node with its half of the ring.
+/// A node with its half of the ring, and of the mode. Payloads have that themselves.
 class NodeProcess final : public Program {
  public:
-  NodeProcess(Host& host, Ring& ring, std::unique_ptr<Program> logic)
-      : logic_(std::move(logic)), ring_(host, ring) {}
+  using OnMode = std::function<void(const suite::ModeReaction& reaction)>;
+  NodeProcess(Host& host, Ring& ring, Topics& topics, const suite::ModeSettings& modes,
+              std::unique_ptr<Program> logic, OnMode on_mode)
+      : logic_(std::move(logic)),
+        ring_(host, ring),
+        mode_(host, topics, modes, [this, on_mode = std::move(on_mode)] {
+          on_mode(mode_.reaction());
+          mode_.report_obeyed(0);
+        }) {}
   void start() override {
     if (logic_) logic_->start();
+    if (payload() == nullptr) mode_.start();
     ring_.start();
   }
   [[nodiscard]] Program* logic() { return logic_.get(); }
+  [[nodiscard]] const ModeFollowing& mode() {
+    const Payload* const followed = payload();
+    return followed != nullptr ? followed->mode() : mode_;
+  }
 
  private:
+  [[nodiscard]] const Payload* payload() const { return dynamic_cast<const Payload*>(logic_.get()); }
+
   std::unique_ptr<Program> logic_;
   Ring::Member ring_;
+  ModeFollowing mode_;
 };
-
-/// Read once: it takes as long as minutes of flight.
-const mission::Dictionary& dictionary() {
-  static const mission::Dictionary read = mission::Dictionary::load(mission::Dictionary::default_folder());
-  return read;
-}
 
 template <class Profile>
 std::unique_ptr<PayloadProfile> make_profile() {
@@ -109,8 +120,15 @@ void Device::set_fault(sim::PeripheralFault fault, milliseconds delay, sim::Faul
 
 // ---------------------------------------------------------------- the spacecraft
 
-Spacecraft::Spacecraft(Kernel& kernel)
+/// Read once: it takes as long as minutes of flight.
+const mission::Dictionary& Spacecraft::dictionary() {
+  static const mission::Dictionary read = mission::Dictionary::load(mission::Dictionary::default_folder());
+  return read;
+}
+
+Spacecraft::Spacecraft(Kernel& kernel, const SpacecraftSettings& flown)
     : kernel_(kernel),
+      settings_(flown),
       world_(world_settings(kernel), start_utc),
       gps_{sim::GpsReceiver([&kernel] {
              sim::GpsSettings settings;
@@ -172,7 +190,11 @@ Spacecraft::~Spacecraft() {
 }
 
 std::unique_ptr<Program> Spacecraft::make_program(Host& host) {
-  return std::make_unique<NodeProcess>(host, *ring_, make_logic(host));
+  const bool installs = host.lane() == Lane::maintenance;
+  return std::make_unique<NodeProcess>(host, *ring_, topics_, settings_.modes, make_logic(host),
+                                       [this, installs](const suite::ModeReaction& reaction) {
+                                         if (installs) rest_maintenance(!reaction.work);
+                                       });
 }
 
 std::unique_ptr<Program> Spacecraft::make_logic(Host& made_for) {
@@ -205,10 +227,10 @@ std::unique_ptr<Program> Spacecraft::make_logic(Host& made_for) {
                                            make_profile<ThermalProfile>};
       const auto i = static_cast<std::size_t>(made_for.lane()) - static_cast<std::size_t>(Lane::payload_adcs);
       return std::make_unique<Payload>(
-          made_for,
-          PayloadSurroundings{topics_, network_, can_, disk_, *devices_[i], ids_lost_[i], opened_, slots_,
-                              host(Lane::can_switcher), host(Lane::ttc),
-                              static_cast<std::uint8_t>(first_can_address + i), boot_id_, profiles[i]});
+          made_for, PayloadSurroundings{topics_, network_, can_, disk_, *devices_[i], ids_lost_[i], opened_,
+                                        slots_, host(Lane::can_switcher), host(Lane::ttc),
+                                        static_cast<std::uint8_t>(first_can_address + i), boot_id_,
+                                        profiles[i], dictionary(), settings_.modes});
     }
     case Lane::ttc:
       return std::make_unique<Ttc>(made_for, ttc_surroundings());
@@ -273,11 +295,16 @@ void Spacecraft::work_on_versions() {
   });
 }
 
-/// As launch_config/sim.yaml has it.
-void Spacecraft::follow_mode(MissionMode mode) {
-  const bool rests = mode == MissionMode::safe || mode == MissionMode::low_power;
+void Spacecraft::rest_maintenance(bool rests) {
   if (std::exchange(maintenance_rests_, rests) == rests) return;
-  with_maintenance([rests](Maintenance& maintenance) { maintenance.rest(rests); });
+  kernel_.later(nanoseconds(0), [this, rests] {
+    with_maintenance([rests](Maintenance& maintenance) { maintenance.rest(rests); });
+  });
+}
+
+std::optional<suite::ModeInForce> Spacecraft::mode_of(Lane lane) {
+  auto* const process = static_cast<NodeProcess*>(host(lane).program());
+  return process != nullptr && host(lane).runs() ? process->mode().in_force() : std::nullopt;
 }
 
 TtcSurroundings Spacecraft::ttc_surroundings() {
@@ -304,7 +331,8 @@ TtcSurroundings Spacecraft::ttc_surroundings() {
           network_,
           std::move(nodes_there),
           [this](const char* why) { kernel_.later(nanoseconds(0), [this, why] { cut_power(why, true); }); },
-          [this](MissionMode mode) { follow_mode(mode); },
+          settings_.modes,
+          settings_.command_loss,
           commands_};
 }
 
@@ -384,6 +412,8 @@ void Spacecraft::step_battery() {
 void Spacecraft::step_world() {
   step_battery();
   for (const auto& device : devices_) device->step(world_period);
+  if (!world_.power().state().computer_on)
+    throw Violation{"L7b", "the battery takes the power from the computer"};
   if (powered_ && watchdog_.fed && kernel_.now() - *watchdog_.fed > WatchdogTimer::timeout)
     cut_power("the watchdog bites", true);
   kernel_.later(world_period, [this] { step_world(); });

@@ -14,6 +14,7 @@
 #include "tests/simulation/can_line.hpp"
 #include "tests/simulation/disk.hpp"
 #include "tests/simulation/maintenance.hpp"
+#include "tests/simulation/mode_following.hpp"
 #include "tests/simulation/payload.hpp"
 #include "tests/simulation/ring.hpp"
 #include "tests/simulation/station.hpp"
@@ -54,13 +55,18 @@ class Device final : public PowerLine {
   std::function<void(std::uint32_t telecommand_id)> on_executed_;
 };
 
+struct SpacecraftSettings {
+  seconds command_loss{259'200};  ///< ttc's parameter command_loss_s
+  suite::ModeSettings modes = flown_modes();
+};
+
 /// The nine nodes of launch_config/sim.yaml with what is around them. The logic of the nodes, the ring and
 /// the models of hw_sim are the real ones; DDS, disk, processes and clocks are played.
 class Spacecraft {
  public:
   static constexpr std::size_t payload_count = 3;
 
-  explicit Spacecraft(Kernel& kernel);
+  explicit Spacecraft(Kernel& kernel, const SpacecraftSettings& settings = {});
   ~Spacecraft();
   Spacecraft(const Spacecraft&) = delete;
   Spacecraft& operator=(const Spacecraft&) = delete;
@@ -76,6 +82,9 @@ class Spacecraft {
   [[nodiscard]] Station& station() { return *station_; }
   /// Files of the transactions of both ends, the ground's first.
   [[nodiscard]] std::array<FileRecord::Names, 2> files_under_way();
+  [[nodiscard]] Topics& topics() { return topics_; }
+  /// The mode that a node obeys; nullopt: it is down, or follows none.
+  [[nodiscard]] std::optional<suite::ModeInForce> mode_of(Lane lane);
   [[nodiscard]] const Versions& versions() const { return *versions_; }
   [[nodiscard]] PackageRecord& packages() { return maintenance_flash_.packages; }
   [[nodiscard]] CommandRecord& commands() { return commands_; }
@@ -84,6 +93,7 @@ class Spacecraft {
   [[nodiscard]] sim::SpacecraftWorld& world() { return world_; }
   /// Everything that is up ends; some seconds later the computer starts again.
   void cut_power(const char* why, bool by_watchdog);
+  [[nodiscard]] static const mission::Dictionary& dictionary();
   [[nodiscard]] std::uint32_t boots() const { return boots_; }
   [[nodiscard]] MissionCycle newest_cycle() const { return newest_cycle_; }
 
@@ -95,7 +105,7 @@ class Spacecraft {
   void work_on_versions();
   /// Runs on maintenance, if it is up.
   void with_maintenance(std::function<void(Maintenance& maintenance)> work);
-  void follow_mode(MissionMode mode);
+  void rest_maintenance(bool rests);
   [[nodiscard]] MaintenanceSurroundings maintenance_surroundings();
   void step_world();
   void step_battery();
@@ -105,6 +115,7 @@ class Spacecraft {
   [[nodiscard]] TtcSurroundings ttc_surroundings();
 
   Kernel& kernel_;
+  SpacecraftSettings settings_;
   Network network_{kernel_};
   Topics topics_{kernel_, network_};
   CanLine can_{kernel_};

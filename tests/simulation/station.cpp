@@ -22,6 +22,7 @@ constexpr std::size_t most_recent = 8;
 /// What is due is released or dropped so much later at the latest: ttc's schedule_late_max, and the reports.
 constexpr nanoseconds released_after = seconds(60) + seconds(30);
 constexpr nanoseconds right_time = seconds(1);
+constexpr nanoseconds told_after = seconds(60);
 constexpr nanoseconds latest_tick = seconds(5);
 
 struct Choice {
@@ -36,6 +37,16 @@ const std::vector<Choice>& choices() {
       {"eps.switch_load", {"load=2", "state=on"}, 6},
       {"eps.switch_load", {"load=2", "state=off"}, 6},
       {"eps.set_charge_limit", {"limit=0.9"}, 3},
+      // Mistakes: what the satellite does not survive unless it helps itself.
+      {"eps.switch_load", {"load=3", "state=on"}, 4},
+      {"eps.switch_load", {"load=0", "state=off"}, 1},
+      {"eps.switch_load", {"load=1", "state=off"}, 1},
+      {"eps.set_charge_limit", {"limit=0"}, 1},
+      {"adcs.set_mode", {"mode=idle"}, 1},
+      {"adcs.set_mode", {"mode=detumble"}, 1},
+      {"thermal.set_heater", {"heater=0", "mode=off"}, 1},
+      {"thermal.set_heater", {"heater=1", "mode=on"}, 1},
+      {"thermal.set_setpoint", {"heater=0", "setpoint_k=250"}, 1},
       {"adcs.set_wheel_speed", {"wheel=0", "speed_rad_s=10"}, 6},
       {"adcs.set_target_quaternion", {}, 3},
       {"thermal.set_setpoint", {"heater=0", "setpoint_k=290"}, 6},
@@ -200,6 +211,7 @@ void CommandRecord::on_cadu(const Octets& cadu) {
     if (received.vc != ground::tm_channel::live) continue;
     if (received.packet.service == verification_service) on_report(received.packet);
     if (received.packet.service == event_service) on_event(received.packet);
+    if (received.packet.service == mission::housekeeping_report.first) on_housekeeping(received.packet);
   }
   for (const std::uint32_t word : receiver_.take_control_words()) note_farm(word);
   (void)receiver_.take_file_pdus();
@@ -231,6 +243,22 @@ void CommandRecord::on_event(const wire::TmPacket& packet) {
     life.dropped = true;
     note_schedule(key, ScheduleState::dropped);
   }
+}
+
+void CommandRecord::on_housekeeping(const wire::TmPacket& packet) {
+  OctetReader in(packet.source);
+  if (in.u16() != mission::HealthHousekeeping::structure_id) return;
+  if (const auto health = mission::HealthHousekeeping::decode(in)) told_change_ = health->change;
+}
+
+void CommandRecord::on_mode(std::uint32_t change) {
+  if (mode_change_ != change) mode_since_ = kernel_.now();
+  mode_change_ = change;
+}
+
+void CommandRecord::check_mode() const {
+  if (mode_change_ && kernel_.now() - mode_since_ > told_after && told_change_ != mode_change_)
+    throw Violation{"L7b", fmt::format("the ground was not told the mode: change {}", *mode_change_)};
 }
 
 void CommandRecord::on_report(const wire::TmPacket& packet) {
@@ -285,6 +313,16 @@ void CommandRecord::on_report(const wire::TmPacket& packet) {
     throw Violation{"L4a", "it has two ends: " + describe(life)};
   if (life.completed && life.command->peripheral_function && life.executed == 0)
     throw Violation{"S10", "completed and never executed: " + describe(life)};
+}
+
+CommandRecord::Answer CommandRecord::answer(const wire::RequestId& request) const {
+  const auto found = lives_.find(key_of(request));
+  if (found == lives_.end()) return Answer::none;
+  const Life& life = found->second;
+  return life.completed ? Answer::completed
+         : life.failed  ? Answer::failed
+         : life.refused ? Answer::refused
+                        : Answer::none;
 }
 
 /// What is in the schedule is released, or is reported as dropped.
@@ -419,6 +457,14 @@ void Station::send_list() {
     }
   }
   handle_ad();
+}
+
+wire::RequestId Station::order(std::string_view name, const std::vector<std::string>& arguments) {
+  const Queued telecommand = make(name, arguments, false);
+  record_.on_sent(telecommand.request, *telecommand.command);
+  if (name == mission::ScheduleReset::name) record_.on_schedule_reset();
+  send_bd(telecommand);
+  return telecommand.request;
 }
 
 Station::Queued Station::make(std::string_view name, const std::vector<std::string>& arguments,

@@ -39,11 +39,17 @@ class CommandRecord final : public TtcWitness {
   void on_published(const Telecommand& telecommand) override;
   void on_storage_lost() override;
   void on_cadu(const Octets& cadu) override;
+  void on_mode(std::uint32_t change) override;
   void on_time(UtcTime utc, bool valid) override;
   /// A peripheral has carried it out.
   void on_executed(std::uint32_t telecommand_id);
+  enum class Answer : std::uint8_t { none, refused, failed, completed };
+  /// How it ended, as far as that has left the spacecraft.
+  [[nodiscard]] Answer answer(const wire::RequestId& request) const;
   /// At the end of a calm: what was acknowledged or accepted before it has its end.
   void check_ends(MonotonicTime sent_before);
+  /// The same: the mode in force has been reported, and why.
+  void check_mode() const;
   void set_listener(std::function<void(const Octets& cadu)> listener) { listener_ = std::move(listener); }
 
   struct Counters {
@@ -81,6 +87,7 @@ class CommandRecord final : public TtcWitness {
   };
   using Key = std::uint64_t;  ///< APID and sequence count
   void on_event(const wire::TmPacket& packet);
+  void on_housekeeping(const wire::TmPacket& packet);
   void note_farm(std::uint32_t control_word);
   enum class ScheduleState : std::uint8_t { sent, in_schedule, released, dropped, refused };
   void note_schedule(Key key, ScheduleState state);
@@ -104,6 +111,9 @@ class CommandRecord final : public TtcWitness {
   std::map<Key, Life> lives_;
   std::map<std::uint64_t, Key> by_id_;
   MonotonicTime last_lost_;
+  std::optional<std::uint32_t> mode_change_;  ///< in force
+  MonotonicTime mode_since_;
+  std::optional<std::uint32_t> told_change_;  ///< that the ground was told last
   Counters counters_;
 };
 
@@ -125,6 +135,8 @@ class Station {
   [[nodiscard]] const Line& line() const { return line_; }
   void set_operator(bool works);
   [[nodiscard]] bool works() const { return works_; }
+  /// Sends one telecommand at once, as a BD frame.
+  wire::RequestId order(std::string_view name, const std::vector<std::string>& arguments);
   [[nodiscard]] std::vector<std::string> files_under_way() { return files_.under_way(); }
 
  private:

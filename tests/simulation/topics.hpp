@@ -6,6 +6,7 @@
 #include <srfs_msgs/msg/event.hpp>
 #include <srfs_msgs/msg/payload_telemetry.hpp>
 #include <srfs_msgs/msg/peripheral_reset.hpp>
+#include <srfs_msgs/msg/system_mode.hpp>
 #include <srfs_msgs/msg/task_flags.hpp>
 #include <srfs_msgs/msg/telecommand.hpp>
 #include <srfs_msgs/msg/telecommand_report.hpp>
@@ -25,7 +26,8 @@ struct Topics {
         telecommand(kernel, network, "telecommand", 32),
         telecommand_report(kernel, network, "telecommand report", 64),
         event(kernel, network, "event", 32),
-        telemetry(kernel, network, "telemetry", 32) {}
+        telemetry(kernel, network, "telemetry", 32),
+        mode(kernel, network, "mode", 1) {}
 
   Topic<srfs_msgs::msg::TimeTick> time_tick;
   Topic<srfs_msgs::msg::TaskFlags> task_flags;
@@ -35,6 +37,7 @@ struct Topics {
   Topic<srfs_msgs::msg::TelecommandReport> telecommand_report;
   Topic<srfs_msgs::msg::Event> event;
   Topic<srfs_msgs::msg::PayloadTelemetry> telemetry;  ///< of all nodes
+  Topic<srfs_msgs::msg::SystemMode> mode;
 };
 
 }  // namespace srfs::simulation

@@ -13,7 +13,6 @@ constexpr std::size_t journal_worker_capacity = 2;
 constexpr std::uint8_t telecommand_channel = 0;
 constexpr std::size_t store_quota_octets = 192U << 10;
 constexpr std::size_t store_pending_octets = 64U << 10;
-constexpr seconds command_loss{259'200};
 // Of the true time; the first tick corrects it.
 const UtcTime unknown_utc{seconds(1'767'225'600)};
 
@@ -133,22 +132,24 @@ TtcCore::Setup Ttc::read_setup() {
   const bool ran = around_.disk.read("ttc/mode").has_value();
   DownlinkConfig downlink = around_.downlink;
   downlink.first_counts = around_.flash.frame_counts;
-  TtcCore::Setup setup{
-      .dictionary = around_.dictionary,
-      .node = host_.name(),
-      .journal = AcceptanceJournal(around_.boot_id, seconds(60)),
-      .uplink = std::move(around_.uplink),
-      .downlink = downlink,
-      .mode = ModeManager(ran ? StoredModeState::present : StoredModeState::first_start, mode,
-                          MissionMode::nominal),
-      .transmitter = TransmitterSwitch(around_.boot_id, text_of("transmitter"), host_.now()),
-      .command_loss = CommandLossTimer(around_.boot_id, text_of("command_loss"), command_loss, host_.now()),
-      .stores = text_of("stores"),
-      .monitors = table_of(MonitoringService::table_name),
-      .event_actions = table_of(EventActionService::table_name),
-      .keys = {},
-      .boot = {.count = around_.boot_count},
-      .clock = SpacecraftClock(unknown_utc, host_.now())};
+  TtcCore::Setup setup{.dictionary = around_.dictionary,
+                       .node = host_.name(),
+                       .journal = AcceptanceJournal(around_.boot_id, seconds(60)),
+                       .uplink = std::move(around_.uplink),
+                       .downlink = downlink,
+                       .mode = ModeManager(ran ? StoredModeState::present : StoredModeState::first_start,
+                                           mode, MissionMode::nominal),
+                       .transmitter = TransmitterSwitch(around_.boot_id, text_of("transmitter"), host_.now()),
+                       .command_loss = CommandLossTimer(around_.boot_id, text_of("command_loss"),
+                                                        around_.command_loss, host_.now()),
+                       .stores = text_of("stores"),
+                       .monitors = table_of(MonitoringService::table_name),
+                       .event_actions = table_of(EventActionService::table_name),
+                       .keys = {},
+                       .boot = {.count = around_.boot_count},
+                       .clock = SpacecraftClock(unknown_utc, host_.now()),
+                       .modes = around_.modes,
+                       .begun = host_.now()};
   (void)around_.disk.write_now("ttc/mode", octets_of_text(setup.mode.stored_text()));
   (void)around_.disk.write_now("ttc/transmitter", octets_of_text(setup.transmitter.stored_text()));
   load_journal(setup);
@@ -220,7 +221,10 @@ void Ttc::every(nanoseconds period, std::function<void()> work) {
 }
 
 void Ttc::start_periods() {
-  every(seconds(1), [this] { core_->commit_stores(true, host_.now()); });
+  every(seconds(1), [this] {
+    core_->commit_stores(true, host_.now());
+    look_at_nodes();
+  });
   every(ModeManager::publish_period, [this] { core_->publish_mode(); });
   every(seconds(30), [this] { core_->send_schedule_housekeeping(host_.now()); });
   every(seconds(30), [this] { core_->send_monitoring_housekeeping(host_.now()); });
@@ -231,6 +235,12 @@ void Ttc::start_periods() {
   every(seconds(30), [this] { core_->send_files_housekeeping(host_.now()); });
   every(seconds(5), [this] { core_->send_own_housekeeping({}, host_.now()); });
   every(seconds(30), [this] { core_->send_beacon(telecommand_channel, host_.now()); });
+  every(seconds(30), [this] { core_->send_health(host_.now()); });
+}
+
+/// As TtcNode finds it by the lifecycle of the nodes.
+void Ttc::look_at_nodes() {
+  for (const Host* node : around_.nodes) core_->on_node_state(node->name(), node->runs(), host_.now());
 }
 
 // ---------------------------------------------------------------- line
@@ -436,7 +446,14 @@ void Ttc::carry_out(const PublishTelecommand& action) {
 void Ttc::carry_out(const PublishMode& action) {
   host_.trace(host_.lane(), "mode", static_cast<std::uint64_t>(action.mode));
   host_.kernel().coverage().note(StateTable::mode, 0, static_cast<std::uint8_t>(action.mode));
-  host_.output([this, mode = action.mode] { around_.follow_mode(mode); });
+  around_.witness.on_mode(action.change);
+  srfs_msgs::msg::SystemMode m;
+  m.mode = static_cast<std::uint8_t>(action.mode);
+  m.name = action.name;
+  m.change = action.change;
+  m.reason = action.reason;
+  m.monotonic_ns = static_cast<std::uint64_t>(host_.now().ns());
+  around_.topics.mode.publish(host_, std::move(m));
 }
 
 void Ttc::carry_out(const RaiseEvent& action) {

@@ -65,6 +65,8 @@ class TtcWitness {
   virtual void on_storage_lost() = 0;
   /// Octets leave on the line to the ground.
   virtual void on_cadu(const Octets& cadu) = 0;
+  /// The mode in force, by the number of its change.
+  virtual void on_mode(std::uint32_t change) = 0;
   /// The spacecraft's time.
   virtual void on_time(UtcTime utc, bool valid) = 0;
 };
@@ -81,7 +83,8 @@ struct TtcSurroundings {
   Network& network;
   std::vector<Host*> nodes;  ///< by place in the ring
   std::function<void(const char* why)> restart_computer;
-  std::function<void(MissionMode mode)> follow_mode;
+  const suite::ModeSettings& modes;
+  seconds command_loss;
   TtcWitness& witness;
 };
 
@@ -105,6 +108,7 @@ class Ttc final : public Program {
   void subscribe();
   void start_periods();
   void every(nanoseconds period, std::function<void()> work);
+  void look_at_nodes();
   void advance();
   bool run(TtcCore::Actions actions);
   void pump_downlink();

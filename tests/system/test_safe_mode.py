@@ -67,6 +67,23 @@ class SafeModeTest(FastFlight):
             wait_until(lambda: flight.node_pid("timing") not in (None, before), DEADLINE_S, "the suite is started anew")
             self.assertIsNotNone(ground.fresh("health", DEADLINE_S))
 
+    def test_orders_that_keep_the_battery_from_being_charged_are_put_right_in_safe_mode(self):
+        slower = ("time_acceleration: 120", "time_acceleration: 1")
+        with self.flight(self.deployment(slower, base="sim_mission")) as flight:
+            ground = flight.ground()
+            self.complete(ground, "tc eps.set_charge_limit limit=0 --wait")  # no charge at all
+            self.complete(ground, "tc thermal.set_heater heater=0 mode=on --wait")  # a frozen battery takes none: by off; on is seen
+
+            def heats():
+                packet = ground.fresh("payload_thermal", DEADLINE_S) or {}
+                return int(packet.get("heater_states", "0"), 0) & 1
+
+            wait_until(heats, DEADLINE_S, "heater 0 is on")
+            self.assertEqual(self.power(flight)["charge_limit"], 0)
+            self.complete(ground, "tc ttc.set_mode mode=safe --wait")
+            wait_until(lambda: self.power(flight)["charge_limit"] > 0.9, DEADLINE_S, "the battery is charged again")
+            wait_until(lambda: not heats(), DEADLINE_S, "the heater goes by the temperature again")
+
     def test_nodes_go_to_safe_by_themselves_when_ttc_is_dead(self):
         no_ring = ("modes:\n", "ring: null\n\nmodes:\n")  # nobody restarts it
         slower = ("time_acceleration: 120", "time_acceleration: 1")
