@@ -37,7 +37,7 @@ TimingNode::TimingNode(suite::NodeContext& context)
 void TimingNode::declare_parameters() {
   declare_parameter("tick_period_ms", std::int64_t{1000}, ros::ParameterRange{1, 60000},
                     "Period of the tick; divides the second or is a whole number of seconds");
-  declare_parameter("late_tick_ms", std::int64_t{50}, ros::ParameterRange{1, 60000},
+  declare_parameter("late_tick_ms", std::int64_t{50}, ros::ParameterRange{10, 60000},
                     "A tick handled later than this is late; after more than five late ticks in a row the "
                     "watchdog is not fed");
   declare_parameter("gps_baud", std::int64_t{9600}, ros::ParameterRange{4800, 921600},
