@@ -20,7 +20,7 @@ CPP = {"u8": "std::uint8_t", "u16": "std::uint16_t", "u32": "std::uint32_t", "u6
        "i16": "std::int16_t", "i32": "std::int32_t", "i64": "std::int64_t", "f32": "float", "f64": "double", "bool": "bool",
        "time": "TaiTime", "text": "std::string", "packet": "Octets"}
 SEVERITIES = {"info": 1, "low": 2, "medium": 3, "high": 4}
-KEYWORDS = {"auto", "default", "switch", "new", "delete", "register"}
+KEYWORDS = {"auto", "default", "switch", "new", "delete", "register", "protected"}
 
 
 def identifier(label):

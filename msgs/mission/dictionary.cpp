@@ -637,12 +637,77 @@ bool Dictionary::has_service(std::uint16_t target, std::uint8_t service) const {
   return find(commands_, [&](const auto& c) { return c.apid == target && c.service == service; }) != nullptr;
 }
 
+namespace {
+
+using GivenArguments = std::map<std::string, std::string, std::less<>>;
+
+/// What is given for the arguments of a telecommand. Those of its groups may be lists, which make as many
+/// groups ("id=1,2,3"); one value holds for all groups. A text or a packet, which may have a comma, is none.
+class GivenGroups {
+ public:
+  static Result<GivenGroups, CommandError> of(const Command& command, GivenArguments given) {
+    GivenGroups groups(std::move(given));
+    if (!command.repeated) return groups;
+    bool any = false;
+    for (std::size_t i = command.head; i < command.arguments.size(); ++i) {
+      const Field& field = command.arguments[i];
+      const auto found = groups.given_.find(field.name);
+      if (found == groups.given_.end()) continue;
+      any = true;
+      if (!may_be_list(field)) continue;
+      std::vector<std::string>& list = groups.lists_[field.name];
+      list = split(found->second);
+      if (list.size() == 1 || list.size() == groups.count_) continue;
+      if (groups.count_ != 1)
+        return Err(CommandError{fmt::format("{}: argument '{}' has {} values, another one {}", command.name,
+                                            field.name, list.size(), groups.count_)});
+      groups.count_ = list.size();
+    }
+    if (!any && command.min_groups == 0) groups.count_ = 0;
+    if (groups.count_ > command.max_groups)
+      return Err(CommandError{
+          fmt::format("{}: {} groups, at most {}", command.name, groups.count_, command.max_groups)});
+    return groups;
+  }
+
+  [[nodiscard]] std::size_t count() const { return count_; }
+  /// nullopt: it is missing.
+  [[nodiscard]] std::optional<std::string> text(const Field& field, std::size_t group) const {
+    if (const auto list = lists_.find(field.name); list != lists_.end())
+      return list->second[list->second.size() == 1 ? 0 : group];
+    if (const auto found = given_.find(field.name); found != given_.end()) return found->second;
+    return field.has_default ? std::optional(field.default_text) : std::nullopt;
+  }
+
+ private:
+  explicit GivenGroups(GivenArguments given) : given_(std::move(given)) {}
+  [[nodiscard]] static bool may_be_list(const Field& field) {
+    return field.type != FieldType::text && field.type != FieldType::packet &&
+           field.type != FieldType::parameter_value;
+  }
+  [[nodiscard]] static std::vector<std::string> split(std::string_view text) {
+    std::vector<std::string> parts;
+    for (;;) {
+      const std::size_t comma = text.find(',');
+      parts.emplace_back(text.substr(0, comma));
+      if (comma == std::string_view::npos) return parts;
+      text.remove_prefix(comma + 1);
+    }
+  }
+
+  GivenArguments given_;
+  std::map<std::string, std::vector<std::string>, std::less<>> lists_;
+  std::size_t count_ = 1;
+};
+
+}  // namespace
+
 Result<EncodedCommand, CommandError> Dictionary::encode(std::string_view name,
                                                         const std::vector<std::string>& arguments) const {
   const Command* command = this->command(name);
   if (command == nullptr)
     return Err(CommandError{fmt::format("no telecommand is called '{}' (srfs-ground list shows all)", name)});
-  std::map<std::string, std::string, std::less<>> given;
+  GivenArguments given;
   for (const auto& argument : arguments) {
     const auto equals = argument.find('=');
     if (equals == std::string::npos)
@@ -660,28 +725,33 @@ Result<EncodedCommand, CommandError> Dictionary::encode(std::string_view name,
       return Err(CommandError{fmt::format("{}: argument '{}' is given twice", name, key)});
     }
   }
+  const auto groups = GivenGroups::of(*command, std::move(given));
+  if (!groups) return Err(groups.error());
   OctetWriter out(1024);
   const ArgumentText text(*this, *command);
-  if (command->is_function()) out.u16(command->function_id);
-  const auto first_of_group = command->arguments.begin() + static_cast<std::ptrdiff_t>(command->head);
-  const bool no_group =
-      command->min_groups == 0 && std::none_of(first_of_group, command->arguments.end(),
-                                               [&](const auto& f) { return given.contains(f.name); });
-  std::size_t written_fields = 0;
   ParameterValues values(*this);
-  for (const auto& field : command->arguments) {
-    if (command->repeated && written_fields++ == command->head) out.u16(no_group ? 0 : 1);
-    if (no_group && written_fields > command->head) break;
-    const auto found = given.find(field.name);
-    if (found == given.end() && !field.has_default)
-      return Err(CommandError{
-          fmt::format("{}: argument '{}' is missing ({})", name, field.name, field.description)});
-    const Field* const form = values.field_of(field);
-    if (form == nullptr) return text.error(field, "no node parameter is named before it");
-    const std::size_t begin = out.size();
-    const auto written = text.write(*form, found == given.end() ? field.default_text : found->second, out);
-    if (!written) return Err(written.error());
-    values.on_encoded(field, out.view().subspan(begin));
+  const auto write = [&](std::size_t first, std::size_t end,
+                         std::size_t group) -> Result<void, CommandError> {
+    for (std::size_t index = first; index < end; ++index) {
+      const Field& field = command->arguments[index];
+      const auto written_text = groups->text(field, group);
+      if (!written_text)
+        return Err(CommandError{
+            fmt::format("{}: argument '{}' is missing ({})", name, field.name, field.description)});
+      const Field* const form = values.field_of(field);
+      if (form == nullptr) return text.error(field, "no node parameter is named before it");
+      const std::size_t begin = out.size();
+      if (auto written = text.write(*form, *written_text, out); !written) return written;
+      values.on_encoded(field, out.view().subspan(begin));
+    }
+    return {};
+  };
+  if (command->is_function()) out.u16(command->function_id);
+  const std::size_t head = command->repeated ? command->head : 0;
+  if (auto written = write(0, head, 0); !written) return Err(written.error());
+  if (command->repeated) out.u16(static_cast<std::uint16_t>(groups->count()));
+  for (std::size_t group = 0; group < groups->count(); ++group) {
+    if (auto written = write(head, command->arguments.size(), group); !written) return Err(written.error());
   }
   return EncodedCommand{command, out.take()};
 }

@@ -337,7 +337,8 @@ class Dictionary {
   /// @param arguments "key=value"; values are numbers (decimal, 0x...), enum labels, names of references,
   /// true/false, ISO 8601 times, or packets in hexadecimal or as telecommands ("eps.switch_load load=2
   /// state=off"); a unit may follow a number directly ("1000ms").
-  /// One group of a repeated one, or none if none is given and none need be.
+  /// One group of a repeated one, or none if none is given and none need be; several where an argument of the
+  /// group is a list ("id=1,2,3"), one value of another argument then holds for all.
   [[nodiscard]] Result<EncodedCommand, CommandError> encode(std::string_view command,
                                                             const std::vector<std::string>& arguments) const;
 

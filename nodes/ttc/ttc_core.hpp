@@ -425,6 +425,8 @@ class TtcCore {
   void monitor(std::uint16_t structure_id, OctetView data);
   void run_monitoring();
   void report_transitions();
+  /// @param id  of an event of a monitor; 0: none
+  void send_monitor_event(std::uint16_t id, OctetView content);
   void run_event_actions();
   /// @return false: no room for it now
   bool release_action(const EventActionService::Due& due);

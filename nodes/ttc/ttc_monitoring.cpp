@@ -17,17 +17,30 @@ void TtcCore::monitor(std::uint16_t structure_id, OctetView data) {
 }
 
 void TtcCore::report_transitions() {
-  for (const Monitoring::Transition& transition : monitoring_.monitoring().take_transitions()) {
-    if (const auto report = monitoring_.report_of(transition, now_)) send(*report);
-    const mission::Event* event = dictionary_.event(transition.event);
-    if (event == nullptr) continue;
+  const auto transitions = monitoring_.monitoring().take_transitions();
+  for (const Monitoring::Transition& transition : transitions) monitoring_.on_transition(transition, now_);
+  for (const Report& report : monitoring_.take_reports(now_)) send(report);
+  for (const Monitoring::Transition& transition : transitions) {
     mission::MonitorSoftLimitEvent content;  // all events of monitors have the same
     content.definition = transition.definition;
     content.parameter = transition.parameter;
     content.value = transition.value;
     content.limit = transition.limit;
-    if (const auto report = own_event(event->severity, event->id, content.encoded())) send(*report);
+    send_monitor_event(transition.event, content.encoded());
   }
+  for (const auto& failure : monitoring_.monitoring().take_functional_failures()) {
+    mission::MonitorFunctionalEvent content;  // the same holds for those of functional monitors
+    content.functional = failure.definition;
+    content.failing = failure.failing;
+    content.monitors = failure.monitors;
+    send_monitor_event(failure.event, content.encoded());
+  }
+}
+
+void TtcCore::send_monitor_event(std::uint16_t id, OctetView content) {
+  const mission::Event* event = dictionary_.event(id);
+  if (event == nullptr) return;
+  if (const auto report = own_event(event->severity, event->id, content)) send(*report);
 }
 
 void TtcCore::run_monitoring() {

@@ -50,6 +50,20 @@ MonitorTable full_table(const mission::Dictionary& dictionary) {
   return table;
 }
 
+/// As many functional monitors as there can be, each with as many monitors.
+FunctionalTable full_functional_table(const MonitorTable& monitors) {
+  FunctionalTable table;
+  auto next = monitors.begin();
+  for (std::uint16_t id = 1; id <= Monitoring::max_functional; ++id) {
+    FunctionalDefinition& definition = table[id];
+    definition.enabled = true;
+    definition.minimum_failing = Monitoring::max_monitors;
+    for (; definition.monitors.size() < Monitoring::max_monitors; ++next)
+      definition.monitors.push_back(next->first);
+  }
+  return table;
+}
+
 }  // namespace
 
 Json measure_monitors(const MonitorOptions& options) {
@@ -59,6 +73,7 @@ Json measure_monitors(const MonitorOptions& options) {
   const nanoseconds before_table = cpu_now();
   monitoring.set_table(table);
   const nanoseconds table_change = cpu_now() - before_table;
+  monitoring.set_functional_table(full_functional_table(table));
 
   struct Source {
     const mission::Structure* structure;
@@ -93,6 +108,7 @@ Json measure_monitors(const MonitorOptions& options) {
   const double flown = options.seconds;
   return {
       {"definitions", monitoring.table().size()},
+      {"functional", monitoring.functional_table().size()},
       {"samples_a_second", static_cast<double>(samples) / flown},
       {"checks_a_second", static_cast<double>(monitoring.counters().checks) / flown},
       {"ns_a_check", static_cast<double>(used.count()) / static_cast<double>(monitoring.counters().checks)},

@@ -85,6 +85,37 @@ class MonitoringTest(SystemTest):
             report = ground.wait_for(lambda m: m.get("structure") == "monitor_definition", DEADLINE_S, again)
             self.assertEqual((report["fields"]["id"], report["fields"]["status"]), (301, "enabled"))
 
+    def test_a_functional_monitor_fails_when_all_of_its_monitors_do_and_its_action_runs(self):
+        with self.flight() as flight:
+            _, ground = self.begin(flight)
+            for number, mask in ((320, 0b1000), (321, 0b0100)):  # load 3, load 2
+                self.complete(ground, f"tc monitor.add id={number} parameter=payload_eps.load_switches check=expected mask={mask} low=0")
+            self.complete(ground, "tc monitor.enable id=320,321")
+            self.complete(ground, "tc functional_monitor.add id=20 monitor=320,321 minimum_failing=2 event=monitor.functional_1")
+            self.complete(ground, "tc functional_monitor.enable id=20")
+            self.complete(ground, "tc functional_monitor.protect id=20")
+            self.complete(ground, 'tc event_action.add event=monitor.functional_1 "request=eps.switch_load load=3 state=off"')
+            self.complete(ground, "tc event_action.enable event=monitor.functional_1")
+            kill(flight, "ttc")
+            wait_for_ttc(ground)
+            self.assertEqual(ground.command("tc monitor.disable id=320", DEADLINE_S)["name"], "monitor_protected")
+
+            self.complete(ground, "tc eps.switch_load load=3 state=on")
+            since = ground.position()
+            self.complete(ground, "tc eps.switch_load load=2 state=on")
+            failed = self.wait_for_event(ground, "monitor.functional_1", since)
+            self.assertEqual((failed["fields"]["functional"], failed["fields"]["failing"], failed["fields"]["monitors"]), (20, 2, 2))
+            self.wait_for_event(ground, "event_action.released", since)
+            wait_until(lambda: flight.control({"query": "truth"})["power"]["switches"] == 0b0100, DEADLINE_S, "the action switched load 3 off")
+
+            def state():
+                status = ground.position()
+                self.complete(ground, "tc functional_monitor.report_status")
+                report = ground.wait_for(lambda m: m.get("structure") == "functional_monitor_status", DEADLINE_S, status)
+                return report["fields"]["state"]
+
+            wait_until(lambda: state() == "running", DEADLINE_S, "one monitor out of limits is not enough")
+
     def test_an_empty_battery_commands_safe_mode(self):
         # The ground moves the limit: waiting for an empty battery takes hours.
         with self.flight() as flight:

@@ -6,6 +6,7 @@
 #include <array>
 #include <cmath>
 #include <limits>
+#include <set>
 #include <string_view>
 
 namespace srfs {
@@ -27,17 +28,33 @@ bool has_high(MonitorCheck check) {
   return check == MonitorCheck::limits || check == MonitorCheck::at_most || check == MonitorCheck::delta;
 }
 
-/// Of an event that a monitor raises: definition, parameter, value, limit.
-bool is_monitor_event(const mission::Event& event) {
-  using mission::FieldType;
-  constexpr std::array<std::pair<std::string_view, FieldType>, 4> form{{{"definition", FieldType::u16},
-                                                                        {"parameter", FieldType::u32},
-                                                                        {"value", FieldType::f64},
-                                                                        {"limit", FieldType::f64}}};
+template <std::size_t fields>
+using EventForm = std::array<std::pair<std::string_view, mission::FieldType>, fields>;
+
+template <std::size_t fields>
+bool has_form(const mission::Event& event, const EventForm<fields>& form) {
   return std::equal(event.fields.begin(), event.fields.end(), form.begin(), form.end(),
                     [](const mission::Field& field, const auto& expected) {
                       return field.name == expected.first && field.type == expected.second;
                     });
+}
+
+/// Of an event that a monitor raises: definition, parameter, value, limit.
+bool is_monitor_event(const mission::Event& event) {
+  using mission::FieldType;
+  constexpr EventForm<4> form{{{"definition", FieldType::u16},
+                               {"parameter", FieldType::u32},
+                               {"value", FieldType::f64},
+                               {"limit", FieldType::f64}}};
+  return has_form(event, form);
+}
+
+/// Of an event that a functional monitor raises: its id, how many monitors fail, how many it has.
+bool is_functional_event(const mission::Event& event) {
+  using mission::FieldType;
+  constexpr EventForm<3> form{
+      {{"functional", FieldType::u16}, {"failing", FieldType::u8}, {"monitors", FieldType::u8}}};
+  return has_form(event, form);
 }
 
 constexpr std::uint32_t all_bits = UINT32_MAX;
@@ -45,6 +62,16 @@ constexpr std::uint32_t all_bits = UINT32_MAX;
 bool has_bits(const mission::Field& field) {
   return is_number(field) && field.type != mission::FieldType::f32 && field.type != mission::FieldType::f64 &&
          field.calibration.empty();
+}
+
+bool fits(const mission::Field& field, std::uint32_t mask) {
+  return mask == all_bits ? is_number(field) : has_bits(field);
+}
+
+/// @param parameter  0: there is no condition
+bool is_condition(const mission::Dictionary& dictionary, std::uint32_t parameter, std::uint32_t mask) {
+  const auto element = dictionary.telemetry(parameter);
+  return parameter == 0 || (element && fits(*element->field, mask));
 }
 
 /// A mask selects bits of an integer. Without one an f32 is the nearest to @p wanted.
@@ -171,14 +198,10 @@ MonitorTable factory_monitors(const mission::Dictionary& dictionary) {
 std::optional<MonitorRefusal> why_not_taken(const mission::MonitorAdd& d,
                                             const mission::Dictionary& dictionary) {
   const auto parameter = dictionary.telemetry(d.parameter);
-  const auto condition = dictionary.telemetry(d.condition);
   const bool stale = d.check == MonitorCheck::stale;
-  const auto fits = [](const mission::Field& field, std::uint32_t mask) {
-    return mask == all_bits ? is_number(field) : has_bits(field);
-  };
   const bool parameter_fits = parameter && (stale || fits(*parameter->field, d.mask));
   const bool condition_fits =
-      d.condition == 0 || (!stale && condition && fits(*condition->field, d.condition_mask));
+      stale ? d.condition == 0 : is_condition(dictionary, d.condition, d.condition_mask);
   if (!parameter_fits || !condition_fits) return MonitorRefusal{mission::failure::not_monitorable, d.id};
   if (contradicts_itself(d)) return MonitorRefusal{mission::failure::contradictory_limits, d.id};
   for (const std::uint16_t id : {d.low_event, d.high_event}) {
@@ -186,6 +209,23 @@ std::optional<MonitorRefusal> why_not_taken(const mission::MonitorAdd& d,
     if (id != 0 && (event == nullptr || !is_monitor_event(*event)))
       return MonitorRefusal{mission::failure::no_monitor_event, id};
   }
+  return std::nullopt;
+}
+
+std::optional<MonitorRefusal> why_not_taken(std::uint16_t id, const FunctionalDefinition& d,
+                                            const MonitorTable& monitors,
+                                            const mission::Dictionary& dictionary) {
+  if (!is_condition(dictionary, d.condition, d.condition_mask))
+    return MonitorRefusal{mission::failure::not_monitorable, id};
+  const auto unknown = std::find_if(d.monitors.begin(), d.monitors.end(),
+                                    [&](std::uint16_t monitor) { return !monitors.contains(monitor); });
+  if (unknown != d.monitors.end()) return MonitorRefusal{mission::failure::unknown_identifier, *unknown};
+  const std::set<std::uint16_t> different(d.monitors.begin(), d.monitors.end());
+  if (different.size() != d.monitors.size() || d.minimum_failing > different.size())
+    return MonitorRefusal{mission::failure::contradictory_limits, id};
+  const mission::Event* event = dictionary.event(d.event);
+  if (d.event != 0 && (event == nullptr || !is_functional_event(*event)))
+    return MonitorRefusal{mission::failure::no_monitor_event, d.event};
   return std::nullopt;
 }
 
@@ -202,10 +242,28 @@ void Monitoring::set_table(MonitorTable table) {
   resolve();
 }
 
+void Monitoring::set_functional_table(FunctionalTable table) {
+  functional_table_ = std::move(table);
+  std::erase_if(functional_, [this](const auto& entry) { return !functional_table_.contains(entry.first); });
+  for (const auto& [id, definition] : functional_table_) {
+    Functional& functional = functional_[id];
+    const bool begins = functional.what.enabled != definition.enabled;
+    functional.what = definition;
+    if (begins) functional.state = FunctionalState::unchecked;
+  }
+  resolve();
+}
+
+void Monitoring::set_functional_enabled(bool enabled) {
+  if (std::exchange(functional_enabled_, enabled) == enabled) return;
+  for (auto& [id, functional] : functional_) functional.state = FunctionalState::unchecked;
+}
+
 void Monitoring::set_enabled(bool enabled) {
   if (enabled_ == enabled) return;
   enabled_ = enabled;
   for (auto& [id, check] : checks_) forget(check);
+  for (auto& [id, functional] : functional_) functional.state = FunctionalState::unchecked;
   for (auto& [id, watched] : watched_) watched.last_sample.reset();
   count_out_of_limits();
 }
@@ -220,18 +278,8 @@ void Monitoring::resolve() {
   const auto slots_before = std::exchange(slots_, {});
   const auto values_before = std::exchange(values_, {});
   unresolved_ = 0;
-  for (auto& [id, check] : checks_) {
-    const auto element = dictionary_.telemetry(check.what.parameter);
-    check.slot = slot_of(check.what.parameter);
-    check.condition = check.what.condition == 0 ? no_slot : slot_of(check.what.condition);
-    if (!element || check.slot == no_slot || (check.what.condition != 0 && check.condition == no_slot)) {
-      forget(check);
-      ++unresolved_;
-      continue;
-    }
-    Watched& watched = watched_[element->structure->id];
-    (check.what.check == MonitorCheck::stale ? watched.stale_checks : watched.checks).push_back(&check);
-  }
+  resolve_checks();
+  resolve_functional();
   for (auto& [id, watched] : watched_) {
     watched.interval = dictionary_.structure(id)->interval;
     if (const auto known = before.find(id); known != before.end())
@@ -242,6 +290,42 @@ void Monitoring::resolve() {
     if (known != slots_before.end()) values_[slot].value = values_before[known->second].value;
   }
   count_out_of_limits();
+}
+
+void Monitoring::resolve_checks() {
+  for (auto& [id, check] : checks_) {
+    const auto element = dictionary_.telemetry(check.what.parameter);
+    check.slot = slot_of(check.what.parameter);
+    check.condition = {check.what.condition, check.what.condition_mask, check.what.condition_value};
+    if (!resolve(check.condition) || !element || check.slot == no_slot) {
+      forget(check);
+      ++unresolved_;
+      continue;
+    }
+    Watched& watched = watched_[element->structure->id];
+    (check.what.check == MonitorCheck::stale ? watched.stale_checks : watched.checks).push_back(&check);
+  }
+}
+
+void Monitoring::resolve_functional() {
+  for (auto& [id, functional] : functional_) {
+    const FunctionalDefinition& what = functional.what;
+    functional.condition = {what.condition, what.condition_mask, what.condition_value};
+    functional.monitors.clear();
+    for (const std::uint16_t monitor : what.monitors) {
+      const auto found = checks_.find(monitor);
+      if (found != checks_.end()) functional.monitors.push_back(&found->second);
+    }
+    if (resolve(functional.condition) && functional.monitors.size() == what.monitors.size()) continue;
+    functional.monitors.clear();
+    functional.state = FunctionalState::unchecked;
+    ++unresolved_;
+  }
+}
+
+bool Monitoring::resolve(Condition& condition) {
+  condition.slot = condition.parameter == 0 ? no_slot : slot_of(condition.parameter);
+  return condition.parameter == 0 || condition.slot != no_slot;
 }
 
 std::size_t Monitoring::slot_of(std::uint32_t parameter) {
@@ -307,6 +391,7 @@ void Monitoring::on_sample(std::uint16_t structure_id, OctetView data, TaiTime t
   for (Check* each : watched.checks) {
     if (each->enabled && now >= each->next) check(*each, tai, now);
   }
+  check_functional(now);
 }
 
 namespace {
@@ -332,15 +417,14 @@ Finding judge(const mission::MonitorAdd& d, MonitorState current, double value, 
 }  // namespace
 
 /// The value must have come, and lately when its structure is periodic.
-bool Monitoring::condition_holds(const Check& check, MonotonicTime now) const {
-  if (check.condition == no_slot) return true;
-  const Slot& condition = values_[check.condition];
-  const Watched& source = watched_.at(static_cast<std::uint16_t>(check.what.condition >> 16U));
+bool Monitoring::holds(const Condition& condition, MonotonicTime now) const {
+  if (condition.slot == no_slot) return true;
+  const Slot& slot = values_[condition.slot];
+  const Watched& source = watched_.at(static_cast<std::uint16_t>(condition.parameter >> 16U));
   const bool periodic = source.interval >= periodic_interval;
   const bool fresh = source.last_sample &&
                      (!periodic || now - *source.last_sample <= source.interval * int{stale_repetition});
-  return fresh && condition.value &&
-         is_value(*condition.value, condition.single, check.what.condition_mask, check.what.condition_value);
+  return fresh && slot.value && is_value(*slot.value, slot.single, condition.mask, condition.value);
 }
 
 void Monitoring::check(Check& check, TaiTime tai, MonotonicTime now) {
@@ -352,7 +436,7 @@ void Monitoring::check(Check& check, TaiTime tai, MonotonicTime now) {
     check.in_row = 0;
     set_state(check, MonitorState::invalid, value.value_or(0), 0, tai);
   };
-  if (!value || !condition_holds(check, now)) return invalid();
+  if (!value || !holds(check.condition, now)) return invalid();
   double checked = *value;
   if (check.what.check == MonitorCheck::delta) {
     const auto before = std::exchange(check.before, *value);
@@ -407,6 +491,37 @@ void Monitoring::on_time(TaiTime tai, MonotonicTime now) {
       set_state(*stale, MonitorState::stale, in_seconds(silent), in_seconds(interval), tai);
     }
   }
+  check_functional(now);
+}
+
+void Monitoring::check_functional(MonotonicTime now) {
+  if (!functional_enabled_) return;
+  for (auto& [id, functional] : functional_) {
+    if (!functional.what.enabled || functional.monitors.empty()) continue;
+    const auto failing = static_cast<std::uint8_t>(
+        std::count_if(functional.monitors.begin(), functional.monitors.end(),
+                      [](const Check* check) { return is_out_of_limits(check->state); }));
+    const FunctionalState before = std::exchange(functional.state, state_of(functional, failing, now));
+    if (functional.state != FunctionalState::failed || before == FunctionalState::failed) continue;
+    functional_failures_.push_back({.definition = id,
+                                    .event = functional.what.event,
+                                    .failing = failing,
+                                    .monitors = static_cast<std::uint8_t>(functional.monitors.size())});
+  }
+}
+
+/// One whose monitors are all unchecked or invalid is so too; such a monitor never counts as failing.
+FunctionalState Monitoring::state_of(const Functional& functional, std::uint8_t failing,
+                                     MonotonicTime now) const {
+  if (!holds(functional.condition, now)) return FunctionalState::invalid;
+  if (failing >= functional.what.minimum_failing) return FunctionalState::failed;
+  const auto any = [&](auto is) {
+    return std::any_of(functional.monitors.begin(), functional.monitors.end(),
+                       [is](const Check* check) { return is(check->state); });
+  };
+  if (any([](MonitorState state) { return state >= MonitorState::within; })) return FunctionalState::running;
+  return any([](MonitorState state) { return state == MonitorState::invalid; }) ? FunctionalState::invalid
+                                                                                : FunctionalState::unchecked;
 }
 
 // ---- what others want to know
@@ -416,12 +531,29 @@ MonitorState Monitoring::state(std::uint16_t definition) const {
   return found == checks_.end() ? MonitorState::unchecked : found->second.state;
 }
 
+FunctionalState Monitoring::functional_state(std::uint16_t definition) const {
+  const auto found = functional_.find(definition);
+  return found == functional_.end() ? FunctionalState::unchecked : found->second.state;
+}
+
+std::size_t Monitoring::functional_failed() const {
+  return static_cast<std::size_t>(
+      std::count_if(functional_.begin(), functional_.end(),
+                    [](const auto& entry) { return entry.second.state == FunctionalState::failed; }));
+}
+
 std::vector<Monitoring::Transition> Monitoring::out_of_limits() const {
   std::vector<Transition> all;
   for (const auto& [id, check] : checks_) {
     if (is_out_of_limits(check.state)) all.push_back(check.last);
   }
   return all;
+}
+
+std::optional<Monitoring::Transition> Monitoring::out_of_limits(std::uint16_t definition) const {
+  const auto found = checks_.find(definition);
+  if (found == checks_.end() || !is_out_of_limits(found->second.state)) return std::nullopt;
+  return found->second.last;
 }
 
 void Monitoring::count_out_of_limits() {

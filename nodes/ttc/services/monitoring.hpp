@@ -17,6 +17,7 @@
 
 namespace srfs {
 
+using mission::FunctionalState;
 using mission::MonitorCheck;
 using mission::MonitorState;
 
@@ -27,6 +28,21 @@ struct MonitorDefinition {
   friend bool operator==(const MonitorDefinition&, const MonitorDefinition&) = default;
 };
 using MonitorTable = std::map<std::uint16_t, MonitorDefinition>;  ///< by id
+
+/// Several monitors together, as functional_monitor.add defines it: failed while so many of them are out of
+/// limits at the same time (ECSS-E-ST-70-41C 6.12.4.2.1).
+struct FunctionalDefinition {
+  std::uint32_t condition = 0;  ///< parameter; 0: there is no condition
+  std::uint32_t condition_mask = UINT32_MAX;
+  double condition_value = 0;
+  std::uint16_t event = 0;  ///< 0: none
+  std::uint8_t minimum_failing = 1;
+  std::vector<std::uint16_t> monitors = {};
+  bool enabled = false;
+  bool is_protected = false;
+  friend bool operator==(const FunctionalDefinition&, const FunctionalDefinition&) = default;
+};
+using FunctionalTable = std::map<std::uint16_t, FunctionalDefinition>;  ///< by id
 
 /// What the mission's file lists (`monitors`); for each limit of a field a definition, from id first_limit_id
 /// on in the order of the structures' ids; for each periodic structure of another node one that finds it
@@ -42,6 +58,12 @@ struct MonitorRefusal {
   std::uint16_t parameter = 0;
 };
 [[nodiscard]] std::optional<MonitorRefusal> why_not_taken(const mission::MonitorAdd& definition,
+                                                          const mission::Dictionary& dictionary);
+
+/// @param monitors  that it may have
+[[nodiscard]] std::optional<MonitorRefusal> why_not_taken(std::uint16_t id,
+                                                          const FunctionalDefinition& definition,
+                                                          const MonitorTable& monitors,
                                                           const mission::Dictionary& dictionary);
 
 /// Below, above, unexpected or stale.
@@ -61,6 +83,8 @@ struct MonitoringCounters {
 class Monitoring {
  public:
   static constexpr std::size_t max_definitions = 1000;
+  static constexpr std::size_t max_functional = 32;  ///< a full table fits its file
+  static constexpr std::size_t max_monitors = 16;    ///< of a functional monitor
   static constexpr seconds stale_check_period{1};
   /// A gap between two calls of on_time() that is longer is time in which nothing could be heard.
   static constexpr seconds longest_gap{3};
@@ -73,10 +97,16 @@ class Monitoring {
   [[nodiscard]] const MonitorTable& table() const { return table_; }
   /// Replaces all of it: those that are new, changed or newly enabled begin unchecked.
   void set_table(MonitorTable table);
+  [[nodiscard]] const FunctionalTable& functional_table() const { return functional_table_; }
+  /// The same. One that names a monitor that is not in the table is unresolved, and unchecked.
+  void set_functional_table(FunctionalTable table);
   /// Looks up again where the parameters are.
   void resolve();
   [[nodiscard]] bool enabled() const { return enabled_; }
   void set_enabled(bool enabled);
+  [[nodiscard]] bool functional_enabled() const { return functional_enabled_; }
+  /// They are checked while both functions are enabled.
+  void set_functional_enabled(bool enabled);
 
   // ---- checks
 
@@ -98,28 +128,57 @@ class Monitoring {
   /// Since the last call: at most one for each definition and sample.
   [[nodiscard]] std::vector<Transition> take_transitions() { return std::exchange(transitions_, {}); }
 
+  /// A functional monitor failed.
+  struct FunctionalFailure {
+    std::uint16_t definition = 0;
+    std::uint16_t event = 0;  ///< to be raised; 0: none
+    std::uint8_t failing = 0;
+    std::uint8_t monitors = 0;
+  };
+  /// Since the last call: at most one for each functional monitor and sample.
+  [[nodiscard]] std::vector<FunctionalFailure> take_functional_failures() {
+    return std::exchange(functional_failures_, {});
+  }
+
   // ---- what others want to know
 
+  [[nodiscard]] FunctionalState functional_state(std::uint16_t definition) const;
+  [[nodiscard]] std::size_t functional_failed() const;
   [[nodiscard]] MonitorState state(std::uint16_t definition) const;
   /// The transition into the state of each definition that is out of limits, in the order of their ids.
   [[nodiscard]] std::vector<Transition> out_of_limits() const;
+  /// nullopt: it is not.
+  [[nodiscard]] std::optional<Transition> out_of_limits(std::uint16_t definition) const;
   [[nodiscard]] std::size_t out_of_limits_count() const { return out_of_limits_; }
+  /// Monitors and functional monitors.
   [[nodiscard]] std::size_t unresolved() const { return unresolved_; }
   [[nodiscard]] const MonitoringCounters& counters() const { return counters_; }
 
  private:
   static constexpr std::size_t no_slot = SIZE_MAX;
+  struct Condition {
+    std::uint32_t parameter = 0;
+    std::uint32_t mask = UINT32_MAX;
+    double value = 0;
+    std::size_t slot = no_slot;
+  };
   struct Check {
     mission::MonitorAdd what;
     bool enabled = false;
     std::size_t slot = no_slot;  ///< of the parameter's value
-    std::size_t condition = no_slot;
+    Condition condition = {};
     MonitorState state = MonitorState::unchecked;
     MonitorState candidate = MonitorState::unchecked;  ///< came so often in a row:
     std::uint8_t in_row = 0;
     std::optional<double> before = {};  ///< last checked value, of a delta
     MonotonicTime next = {};            ///< not checked before
     Transition last = {};               ///< into the state
+  };
+  struct Functional {
+    FunctionalDefinition what;
+    Condition condition = {};
+    std::vector<const Check*> monitors = {};  ///< empty: unresolved
+    FunctionalState state = FunctionalState::unchecked;
   };
   struct Slot {
     std::optional<double> value;  ///< newest
@@ -143,7 +202,14 @@ class Monitoring {
   [[nodiscard]] std::size_t slot_of(std::uint32_t parameter);
   void add_place(Watched& watched, const mission::TelemetryElement& element, std::size_t slot) const;
   void read(const Watched& watched, OctetView data);
-  [[nodiscard]] bool condition_holds(const Check& check, MonotonicTime now) const;
+  /// @return false: there is no such parameter
+  [[nodiscard]] bool resolve(Condition& condition);
+  void resolve_checks();
+  void resolve_functional();
+  [[nodiscard]] bool holds(const Condition& condition, MonotonicTime now) const;
+  void check_functional(MonotonicTime now);
+  [[nodiscard]] FunctionalState state_of(const Functional& functional, std::uint8_t failing,
+                                         MonotonicTime now) const;
   void check(Check& check, TaiTime tai, MonotonicTime now);
   void set_state(Check& check, MonitorState state, double value, double limit, TaiTime tai);
   static void forget(Check& check);
@@ -152,11 +218,15 @@ class Monitoring {
   const mission::Dictionary& dictionary_;
   bool enabled_ = true;
   MonitorTable table_;
-  std::map<std::uint16_t, Check> checks_;       ///< by id
-  std::map<std::uint16_t, Watched> watched_;    ///< by structure id
-  std::map<std::uint32_t, std::size_t> slots_;  ///< by parameter
-  std::vector<Slot> values_;                    ///< by slot
+  bool functional_enabled_ = true;
+  FunctionalTable functional_table_;
+  std::map<std::uint16_t, Check> checks_;           ///< by id
+  std::map<std::uint16_t, Functional> functional_;  ///< by id
+  std::map<std::uint16_t, Watched> watched_;        ///< by structure id
+  std::map<std::uint32_t, std::size_t> slots_;      ///< by parameter
+  std::vector<Slot> values_;                        ///< by slot
   std::vector<Transition> transitions_;
+  std::vector<FunctionalFailure> functional_failures_;
   std::optional<MonotonicTime> last_time_;
   std::size_t out_of_limits_ = 0;
   std::size_t unresolved_ = 0;

@@ -3,8 +3,10 @@
 #pragma once
 
 #include <cstdint>
+#include <deque>
 #include <optional>
 #include <string_view>
+#include <utility>
 #include <vector>
 
 #include <mission/structures.hpp>
@@ -22,9 +24,12 @@ class MonitoringService final : public StoredTableService {
  public:
   static constexpr std::uint8_t service_type = 12;
   static constexpr std::string_view table_name = "monitors";
-  /// Transitions reported at once, and one more after each period; others are counted.
+  /// Transitions reported at once, and one more after each period; others wait.
   static constexpr std::uint32_t report_burst = 64;
   static constexpr milliseconds report_period{125};
+  /// What waited longer (12,3), or finds no room, is counted and not reported.
+  static constexpr milliseconds default_reporting_delay{10'000};
+  static constexpr std::size_t max_waiting = 1000;
 
   /// @param found  on disk: none or damaged means the factory set
   MonitoringService(const mission::Dictionary& dictionary, const FoundTable& found,
@@ -42,8 +47,10 @@ class MonitoringService final : public StoredTableService {
 
   [[nodiscard]] Monitoring& monitoring() { return monitoring_; }
   [[nodiscard]] const Monitoring& monitoring() const { return monitoring_; }
-  /// 12,12 of a transition; nullopt: too many at a time (counted).
-  [[nodiscard]] std::optional<Report> report_of(const Monitoring::Transition& transition, MonotonicTime now);
+  /// It is to be reported (12,12).
+  void on_transition(const Monitoring::Transition& transition, MonotonicTime now);
+  /// The reports that may go now. To be called about each second while transitions wait.
+  [[nodiscard]] std::vector<Report> take_reports(MonotonicTime now);
   /// What of the table's state is for the housekeeping.
   void fill(mission::TtcMonitoringHousekeeping& h) const;
 
@@ -59,23 +66,42 @@ class MonitoringService final : public StoredTableService {
   struct Listing {
     TelecommandOrigin origin;
     MonotonicTime expiry;
+    std::uint8_t subtype = 0;  ///< of the request
     std::vector<std::uint16_t> ids;
     std::size_t next = 0;
-    bool out_of_limits = false;
+  };
+  struct Waiting {
+    Monitoring::Transition transition;
+    MonotonicTime since;
   };
   void load(const FoundTable& found);
   [[nodiscard]] std::optional<Failure> change(std::uint8_t subtype, OctetView arguments);
   [[nodiscard]] std::optional<Failure> define(OctetView arguments, bool known);
   [[nodiscard]] std::optional<Failure> change_named(std::uint8_t subtype, OctetView arguments);
+  [[nodiscard]] std::optional<Failure> delete_all();
+  void restore_factory_set();
+  [[nodiscard]] std::optional<Failure> add_functional(OctetView arguments);
+  [[nodiscard]] std::optional<Failure> change_functional(std::uint8_t subtype, OctetView arguments);
+  /// Why a monitor that functional monitors have cannot be deleted, or changed.
+  [[nodiscard]] std::optional<Failure> why_bound(std::uint16_t monitor, bool to_be_deleted) const;
   void begin_report(const Telecommand& telecommand);
+  [[nodiscard]] bool is_known(std::uint8_t subtype, std::uint16_t id) const;
+  [[nodiscard]] std::vector<std::uint16_t> all_ids(std::uint8_t subtype) const;
+  /// nullopt: there is nothing to say of it now.
+  [[nodiscard]] std::optional<std::pair<std::uint8_t, Octets>> report_of(std::uint8_t subtype,
+                                                                         std::uint16_t id) const;
   void fail(const TelecommandOrigin& origin, const Failure& failure);
   void put(const TelecommandOrigin& origin, std::uint8_t subtype, Octets data);
   [[nodiscard]] Octets definition_report(std::uint16_t id) const;
+  [[nodiscard]] Octets functional_report(std::uint16_t id) const;
+  [[nodiscard]] Octets functional_status(std::uint16_t id) const;
 
   const mission::Dictionary& dictionary_;
   Monitoring monitoring_;
   bool factory_ = true;  ///< the table is the factory set, whatever that is in the dictionary of now
+  milliseconds reporting_delay_ = default_reporting_delay;
   std::optional<Listing> listing_;
+  std::deque<Waiting> waiting_;  ///< to be reported
   std::uint32_t reports_left_ = report_burst;
   std::optional<MonotonicTime> reports_filled_;
   std::uint32_t unreported_ = 0;

@@ -632,15 +632,344 @@ TEST_F(MonitoringRequests, ARequestThatTheTableOnDiskHasIsNotCarriedOutAgain) {
   EXPECT_FALSE(service_->restore(known, {}, now_)) << "the disk does not have it";
 }
 
-TEST_F(MonitoringRequests, ReportsAreBoundedAndCounted) {
+TEST_F(MonitoringRequests, ReportsAreBoundedWaitAndAreCountedWhenTheyWaitedTooLong) {
   const Monitoring::Transition transition{.definition = 1, .state = MonitorState::below};
-  std::size_t reported = 0;
-  for (int i = 0; i < 1000; ++i) reported += service_->report_of(transition, now_) ? 1 : 0;
+  const auto unreported = [&] {
+    mission::TtcMonitoringHousekeeping h;
+    service_->fill(h);
+    return h.unreported;
+  };
+  for (int i = 0; i < 200; ++i) service_->on_transition(transition, now_);
+  std::size_t reported = service_->take_reports(now_).size();
   EXPECT_EQ(reported, MonitoringService::report_burst);
+  EXPECT_EQ(unreported(), 0U) << "they wait";
+  reported += service_->take_reports(now_ + seconds(1)).size();
+  EXPECT_EQ(reported, MonitoringService::report_burst + 8);
+  reported += service_->take_reports(now_ + MonitoringService::default_reporting_delay).size();
+  EXPECT_EQ(unreported(), 200 - reported);
+  EXPECT_TRUE(service_->take_reports(now_ + seconds(60)).empty());
+}
+
+TEST_F(MonitoringRequests, NoMoreTransitionsWaitThanThereIsRoomFor) {
+  ASSERT_EQ(send("monitor.set_reporting_delay", {"delay_ms=3600000"}), "");
+  for (std::size_t i = 0; i < MonitoringService::max_waiting + 5; ++i) service_->on_transition({}, now_);
   mission::TtcMonitoringHousekeeping h;
   service_->fill(h);
-  EXPECT_EQ(h.unreported, 1000 - reported);
-  EXPECT_TRUE(service_->report_of(transition, now_ + seconds(1)));
+  EXPECT_EQ(h.unreported, 5U);
+}
+
+TEST_F(MonitoringRequests, TheReportingDelayIsChangedReportedAndStored) {
+  EXPECT_EQ(send("monitor.set_reporting_delay", {"delay_ms=3600001"}).empty(), false);
+  ASSERT_EQ(send("monitor.set_reporting_delay", {"delay_ms=0"}), "");
+  restart({.table = disk_});
+  ASSERT_EQ(send("monitor.report", {"id=1"}), "");
+  const auto report = mission::MonitorDefinition::decode(OctetView(reports_.at(1).data));
+  ASSERT_TRUE(report);
+  EXPECT_EQ(report->reporting_delay_ms, 0U);
+  for (int i = 0; i < 100; ++i) service_->on_transition({}, now_);
+  EXPECT_EQ(service_->take_reports(now_).size(), MonitoringService::report_burst);
+  mission::TtcMonitoringHousekeeping h;
+  service_->fill(h);
+  EXPECT_EQ(h.unreported, 100 - MonitoringService::report_burst) << "nothing may wait";
+}
+
+TEST_F(MonitoringRequests, TheStatusOfEachDefinitionIsReported) {
+  ASSERT_EQ(send("monitor.disable", {"id=1"}), "");
+  ASSERT_EQ(send("monitor.report_status"), "");
+  std::size_t statuses = 0;
+  for (const Report& report : reports_) {
+    if (report.service != 12) continue;
+    EXPECT_EQ(report.subtype, 14);
+    const auto status = mission::MonitorStatus::decode(OctetView(report.data));
+    ASSERT_TRUE(status);
+    ++statuses;
+    EXPECT_EQ(status->status == mission::FunctionStatus::enabled, status->id != 1) << status->id;
+  }
+  EXPECT_EQ(statuses, service_->monitoring().table().size());
+}
+
+// ---- functional monitors
+
+/// Two monitors of the battery and a functional one of both.
+class Functional : public MonitoringRequests {
+ protected:
+  Functional() {
+    EXPECT_EQ(send("monitor.add", definition(7, {"low_event=none"})), "");
+    EXPECT_EQ(send("monitor.add", {"id=8", "parameter=payload_eps.battery_temperature_k", "check=at_most",
+                                   "high=300", "repetition=2", "hysteresis=5"}),
+              "");
+    EXPECT_EQ(send("monitor.enable", {"id=7,8"}), "");
+  }
+  static std::vector<std::string> functional(int id, std::string monitors = "7,8", int minimum = 2) {
+    return {"id=" + std::to_string(id), "monitor=" + monitors, "minimum_failing=" + std::to_string(minimum),
+            "event=monitor.functional_1"};
+  }
+  void watch(int minimum = 2, const std::vector<std::string>& more = {}) {
+    auto arguments = functional(5, "7,8", minimum);
+    arguments.insert(arguments.end(), more.begin(), more.end());
+    ASSERT_EQ(send("functional_monitor.add", arguments), "");
+    ASSERT_EQ(send("functional_monitor.enable", {"id=5"}), "");
+  }
+  /// @return events of functional monitors that failed
+  std::vector<std::uint16_t> sample(float charge, float kelvin) {
+    sample_.measurement.state_of_charge = charge;
+    sample_.measurement.battery_temperature_k = kelvin;
+    now_ = now_ + seconds(1);
+    service_->monitoring().on_sample(sample_.structure_id, sample_.encoded(), day, now_);
+    std::vector<std::uint16_t> events;
+    for (const auto& failure : service_->monitoring().take_functional_failures())
+      events.push_back(failure.event);
+    return events;
+  }
+  FunctionalState state() { return service_->monitoring().functional_state(5); }
+  FunctionalDefinition stored() { return service_->monitoring().functional_table().at(5); }
+
+  PayloadEpsHousekeeping sample_;
+};
+
+using Events = std::vector<std::uint16_t>;
+
+TEST_F(Functional, FailsOnceSoManyOfItsMonitorsAreOutOfLimitsAtTheSameTime) {
+  watch();
+  EXPECT_EQ(state(), FunctionalState::unchecked);
+  EXPECT_EQ(sample(0.9F, 280), Events{});
+  EXPECT_EQ(state(), FunctionalState::running);
+  EXPECT_EQ(sample(0.4F, 280), Events{});
+  EXPECT_EQ(sample(0.4F, 310), Events{}) << "not yet twice in a row";
+  EXPECT_EQ(sample(0.4F, 310), Events{mission::event::monitor_functional_1});
+  EXPECT_EQ(state(), FunctionalState::failed);
+  EXPECT_EQ(sample(0.3F, 320), Events{}) << "it has failed already";
+  sample(0.4F, 297);
+  EXPECT_EQ(sample(0.4F, 297), Events{}) << "hysteresis of the monitor";
+  EXPECT_EQ(state(), FunctionalState::failed);
+  sample(0.4F, 290);
+  sample(0.4F, 290);
+  EXPECT_EQ(state(), FunctionalState::running);
+  sample(0.4F, 310);
+  EXPECT_EQ(sample(0.4F, 310), Events{mission::event::monitor_functional_1}) << "it fails anew";
+}
+
+TEST_F(Functional, OfOneAnyMonitorIsEnough) {
+  watch(1);
+  EXPECT_EQ(sample(0.4F, 280), Events{mission::event::monitor_functional_1});
+}
+
+TEST_F(Functional, IsInvalidWhileItsConditionDoesNotHold) {
+  watch(1, {"condition=payload_eps.load_switches", "condition_mask=4", "condition_value=4"});
+  sample_.measurement.load_switches = 0;
+  EXPECT_EQ(sample(0.4F, 280), Events{});
+  EXPECT_EQ(state(), FunctionalState::invalid);
+  sample_.measurement.load_switches = 6;
+  EXPECT_EQ(sample(0.4F, 280), Events{mission::event::monitor_functional_1});
+  sample_.measurement.load_switches = 0;
+  sample(0.4F, 280);
+  EXPECT_EQ(state(), FunctionalState::invalid);
+}
+
+TEST_F(Functional, AMonitorWithoutAValueOrDisabledNeverCounts) {
+  watch(1);
+  EXPECT_EQ(sample(std::nanf(""), std::nanf("")), Events{});
+  EXPECT_EQ(state(), FunctionalState::invalid);
+  ASSERT_EQ(send("monitor.disable", {"id=7"}), "");
+  sample(0.1F, 280);
+  EXPECT_EQ(sample(0.1F, 280), Events{});
+  EXPECT_EQ(state(), FunctionalState::running);
+}
+
+TEST_F(Functional, WithEitherFunctionOffNothingIsChecked) {
+  watch(1);
+  sample(0.4F, 280);
+  ASSERT_EQ(send("functional_monitor.stop"), "");
+  EXPECT_EQ(state(), FunctionalState::unchecked);
+  EXPECT_EQ(sample(0.4F, 280), Events{});
+  ASSERT_EQ(send("functional_monitor.start"), "");
+  EXPECT_EQ(sample(0.4F, 280), Events{mission::event::monitor_functional_1});
+  ASSERT_EQ(send("monitor.stop"), "");
+  EXPECT_EQ(state(), FunctionalState::unchecked);
+  EXPECT_EQ(sample(0.4F, 280), Events{});
+}
+
+TEST_F(Functional, AStaleMonitorCounts) {
+  ASSERT_EQ(
+      send("monitor.add", {"id=9", "parameter=payload_eps.state_of_charge", "check=stale", "repetition=3"}),
+      "");
+  ASSERT_EQ(send("monitor.enable", {"id=9"}), "");
+  ASSERT_EQ(send("functional_monitor.add", functional(5, "9", 1)), "");
+  ASSERT_EQ(send("functional_monitor.enable", {"id=5"}), "");
+  sample(0.9F, 280);
+  for (int second = 0; second < 60; ++second) {
+    now_ = now_ + seconds(1);
+    service_->monitoring().on_time(day, now_);
+  }
+  EXPECT_EQ(state(), FunctionalState::failed);
+}
+
+TEST_F(Functional, BadDefinitionsAreRefusedWithTheReason) {
+  watch();
+  EXPECT_EQ(send("functional_monitor.add", functional(5)), "monitor_exists");
+  EXPECT_EQ(send("functional_monitor.add", functional(6, "7,999")), "unknown_identifier");
+  EXPECT_EQ(send("functional_monitor.add", functional(6, "7,7")), "contradictory_limits");
+  EXPECT_EQ(send("functional_monitor.add", functional(6, "7,8", 3)), "contradictory_limits");
+  EXPECT_EQ(send("functional_monitor.add", {"id=6", "monitor=7", "event=monitor.user_1"}),
+            "no_monitor_event");
+  EXPECT_EQ(send("functional_monitor.add", {"id=6", "monitor=7", "condition=beacon.mode_reason"}),
+            "not_monitorable");
+  EXPECT_EQ(send("monitor.add", definition(10, {"low_event=monitor.functional"})), "no_monitor_event");
+  for (const char* order : {"enable", "disable", "protect", "unprotect", "delete", "report"})
+    EXPECT_EQ(send(std::string("functional_monitor.") + order, {"id=6"}), "unknown_identifier") << order;
+  EXPECT_EQ(service_->monitoring().functional_table().size(), 1U);
+}
+
+TEST_F(Functional, AMonitorThatItHasCannotBeDeletedButChanged) {
+  watch();
+  ASSERT_EQ(send("monitor.disable", {"id=7"}), "");
+  EXPECT_EQ(send("monitor.delete", {"id=7"}), "monitor_in_use");
+  EXPECT_EQ(send("monitor.modify", definition(7, {"low=0.6"})), "");
+  ASSERT_EQ(send("monitor.stop"), "");
+  EXPECT_EQ(send("monitor.delete_all"), "monitor_in_use");
+  EXPECT_EQ(send("functional_monitor.delete", {"id=5"}), "still_enabled");
+  ASSERT_EQ(send("functional_monitor.disable", {"id=5"}), "");
+  ASSERT_EQ(send("functional_monitor.delete", {"id=5"}), "");
+  EXPECT_EQ(send("monitor.delete", {"id=7"}), "");
+}
+
+TEST_F(Functional, WhatIsProtectedCanBeNeitherDisabledNorChangedNorDeleted) {
+  watch();
+  ASSERT_EQ(send("functional_monitor.protect", {"id=5"}), "");
+  EXPECT_EQ(send("functional_monitor.disable", {"id=5"}), "monitor_protected");
+  EXPECT_EQ(send("functional_monitor.delete", {"id=5"}), "monitor_protected");
+  EXPECT_EQ(send("monitor.disable", {"id=7"}), "monitor_protected");
+  EXPECT_EQ(send("monitor.modify", definition(7)), "monitor_protected");
+  EXPECT_EQ(send("monitor.delete", {"id=7"}), "monitor_protected");
+  EXPECT_EQ(send("monitor.enable", {"id=7"}), "");
+  ASSERT_EQ(send("functional_monitor.unprotect", {"id=5"}), "");
+  EXPECT_EQ(send("functional_monitor.disable", {"id=5"}), "");
+  ASSERT_EQ(send("functional_monitor.protect", {"id=5"}), "");
+  EXPECT_EQ(send("monitor.restore"), "") << "the factory set comes back whatever is protected";
+  EXPECT_TRUE(service_->monitoring().functional_table().empty());
+}
+
+TEST_F(Functional, OutlivesTheProcessAndBeginsUnchecked) {
+  watch(1, {"condition=payload_eps.load_switches", "condition_mask=4", "condition_value=4"});
+  ASSERT_EQ(send("functional_monitor.protect", {"id=5"}), "");
+  ASSERT_EQ(send("functional_monitor.stop"), "");
+  const FunctionalTable table = service_->monitoring().functional_table();
+  restart({.table = disk_});
+  EXPECT_EQ(service_->monitoring().functional_table(), table);
+  EXPECT_FALSE(service_->monitoring().functional_enabled());
+  EXPECT_TRUE(stored().enabled && stored().is_protected);
+  EXPECT_EQ(state(), FunctionalState::unchecked);
+}
+
+TEST_F(Functional, ATableWithoutFunctionalMonitorsIsThatOfAnEarlierVersion) {
+  const Octets before = disk_->content;
+  watch();
+  EXPECT_GT(disk_->content.size(), before.size());
+  ASSERT_EQ(send("functional_monitor.disable", {"id=5"}), "");
+  ASSERT_EQ(send("functional_monitor.delete", {"id=5"}), "");
+  restart({.table = disk_});
+  EXPECT_FALSE(service_->is_damaged());
+  // Behind the ids of the requests that were applied, which are more.
+  const std::size_t more = disk_->content.size() - before.size();
+  EXPECT_EQ(more, 4 * sizeof(std::uint64_t));
+}
+
+TEST_F(Functional, ATableThatIsCutAnywhereIsDamagedOrHasNone) {
+  watch();
+  const StoredTable whole = *disk_;
+  for (std::size_t cut = 1; cut < 40; ++cut) {
+    StoredTable table = whole;
+    table.content.resize(whole.content.size() - cut);
+    restart({.table = table});
+    EXPECT_TRUE(service_->is_damaged() || service_->monitoring().functional_table().empty()) << cut;
+  }
+}
+
+TEST_F(Functional, RandomTablesAreNoHarm) {
+  watch();
+  const StoredTable whole = *disk_;
+  std::mt19937_64 random(28);
+  for (int turn = 0; turn < 500; ++turn) {
+    StoredTable table = whole;
+    for (int change = 0; change < 3; ++change) {
+      const std::size_t behind = table.content.size() / 2;
+      table.content[behind + random() % (table.content.size() - behind)] =
+          static_cast<std::uint8_t>(random());
+    }
+    restart({.table = table});
+    sample(0.4F, 310);
+    EXPECT_LE(service_->monitoring().functional_table().size(), Monitoring::max_functional);
+    EXPECT_EQ(send("monitor.restore"), "");
+  }
+}
+
+TEST_F(Functional, OneThatNamesAMonitorThatIsGoneIsCountedAndUnchecked) {
+  watch(1);
+  MonitorTable table = service_->monitoring().table();
+  table.erase(7);  // as another dictionary's factory set may do
+  service_->monitoring().set_table(table);
+  EXPECT_EQ(sample(0.1F, 320), Events{});
+  EXPECT_EQ(sample(0.1F, 320), Events{});
+  EXPECT_EQ(state(), FunctionalState::unchecked);
+  mission::TtcMonitoringHousekeeping h;
+  service_->fill(h);
+  EXPECT_EQ(h.unresolved, 1U);
+}
+
+TEST_F(Functional, AFullTableOfBothTakesNoMoreAndFitsItsFile) {
+  int id = 10'000;
+  while (service_->monitoring().table().size() < Monitoring::max_definitions)
+    ASSERT_EQ(send("monitor.add", definition(++id)), "");
+  std::string monitors = "7,8";
+  for (int more = 10'001; more < 10'015; ++more) monitors += "," + std::to_string(more);
+  for (std::size_t i = 1; i <= Monitoring::max_functional; ++i)
+    ASSERT_EQ(send("functional_monitor.add", functional(static_cast<int>(i), monitors)), "");
+  EXPECT_EQ(send("functional_monitor.add", functional(1000)), "table_full");
+  EXPECT_NE(send("functional_monitor.add", functional(1000, monitors + ",10020")), "") << "17 monitors";
+  EXPECT_LT(encode_table(*disk_).size(), StateFile<StoredTable>::largest_octets);
+  const FunctionalTable table = service_->monitoring().functional_table();
+  restart({.table = disk_});
+  EXPECT_EQ(service_->monitoring().functional_table(), table);
+}
+
+TEST_F(Functional, DefinitionAndStatusAreReported) {
+  watch();
+  ASSERT_EQ(send("functional_monitor.protect", {"id=5"}), "");
+  sample(0.9F, 280);
+  ASSERT_EQ(send("functional_monitor.report"), "");
+  ASSERT_EQ(reports_.size(), 3U);
+  EXPECT_EQ(reports_[1].subtype, 26);
+  const auto report = mission::FunctionalMonitorDefinition::decode(OctetView(reports_[1].data));
+  ASSERT_TRUE(report);
+  EXPECT_EQ(report->id, 5);
+  EXPECT_EQ(report->minimum_failing, 2);
+  EXPECT_EQ(report->monitors, 2);
+  EXPECT_EQ(report->monitor[0], 7);
+  EXPECT_EQ(report->monitor[1], 8);
+  EXPECT_EQ(report->monitor[2], 0);
+  EXPECT_EQ(report->protection, mission::ProtectionStatus::protected_);
+  ASSERT_EQ(send("functional_monitor.report_status"), "");
+  ASSERT_EQ(reports_.size(), 3U);
+  EXPECT_EQ(reports_[1].subtype, 28);
+  const auto status = mission::FunctionalMonitorStatus::decode(OctetView(reports_[1].data));
+  ASSERT_TRUE(status);
+  EXPECT_EQ(status->status, mission::FunctionStatus::enabled);
+  EXPECT_EQ(status->state, FunctionalState::running);
+}
+
+/// Against a model that knows nothing of how it is done: what fails, and when that is news.
+TEST_F(Functional, WhateverComesItFailsWithItsMonitors) {
+  std::mt19937_64 random(12);
+  watch();
+  FunctionalState before = FunctionalState::unchecked;
+  for (int turn = 0; turn < 5000; ++turn) {
+    const auto events = sample(random() % 2 == 0 ? 0.4F : 0.9F, random() % 2 == 0 ? 310.F : 280.F);
+    const auto out = [&](std::uint16_t id) { return is_out_of_limits(service_->monitoring().state(id)); };
+    EXPECT_EQ(state() == FunctionalState::failed, out(7) && out(8));
+    EXPECT_EQ(events.size(),
+              state() == FunctionalState::failed && before != FunctionalState::failed ? 1U : 0U);
+    before = state();
+  }
 }
 
 // ---- the table on disk

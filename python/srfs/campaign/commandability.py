@@ -41,6 +41,8 @@ NUMBERS = {"u8": (0, 255), "u16": (0, 65535), "u32": (0, 4294967295), "u64": (0,
 GIVEN = {
     ("image.capture", "frames"): ("1", "4"), ("image.capture", "exposure_us"): ("1", "100000"), ("image.capture", "interval_ms"): ("0", "100"),
     ("ttc.select_keys", "vc"): ("0", "0"), ("storage.retrieve", "from"): (TIMES[0], TIMES[0]),
+    ("functional_monitor.add", "monitor"): ("1", "1,1001"), ("functional_monitor.add", "minimum_failing"): ("1", "2"),
+    ("functional_monitor.add", "event"): ("none", "monitor.functional_4"),
 }  # fmt: skip
 # What undoes an order; a session's lines.
 UNDO = {
@@ -52,6 +54,8 @@ UNDO = {
     "housekeeping.disable": ["tc housekeeping.enable structure={structure}"],
     "events.disable": ["tc events.enable event={event}"],
     **{f"monitor.{order}": ["tc monitor.restore"] for order in ("add", "enable", "disable", "delete", "modify", "delete_all", "stop")},
+    **{f"functional_monitor.{order}": ["tc monitor.restore"] for order in ("add", "enable", "disable", "protect", "delete", "stop")},
+    "monitor.set_reporting_delay": ["tc monitor.restore"],
     **{f"event_action.{order}": ["tc event_action.restore"] for order in ("enable", "disable", "delete", "delete_all", "stop")},
     "schedule.disable": ["tc schedule.enable"],
     "schedule.reset": ["tc schedule.enable"],

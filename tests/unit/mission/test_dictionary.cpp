@@ -215,6 +215,28 @@ TEST(CommandText, TakesAWholePacketInHexadecimal) {
   EXPECT_EQ(dictionary().check_arguments(insert, longer).error(), ArgumentError{3});
 }
 
+TEST(CommandText, AListMakesAsManyGroups) {
+  EXPECT_EQ(octets("monitor.enable", {"id=7"}), "00010007");
+  EXPECT_EQ(octets("monitor.enable", {"id=7,8,0x9"}), "0003000700080009");
+  EXPECT_EQ(octets("monitor.report", {}), "0000");
+  EXPECT_EQ(octets("housekeeping.set_interval", {"structure=1,134", "interval_ms=1000"}),
+            "00020001000003e80086000003e8");  // one value holds for all
+  EXPECT_EQ(octets("functional_monitor.add", {"id=5", "monitor=7,8", "minimum_failing=2"}).substr(0, 8),
+            "00010005");
+  EXPECT_TRUE(octets("functional_monitor.add", {"id=5", "monitor=7,8", "minimum_failing=2"})
+                  .ends_with("02000200070008"));
+}
+
+TEST(CommandText, AListThatFitsNoGroupsIsRefused) {
+  EXPECT_THAT(refusal("housekeeping.set_interval", {"structure=1,134", "interval_ms=1000,2000,3000"}),
+              HasSubstr("argument 'interval_ms' has 3 values, another one 2"));
+  EXPECT_THAT(refusal("monitor.enable", {"id=1,2,3,4,5,6,7,8,9,10,11,12,13,14,15,16,17"}),
+              HasSubstr("17 groups, at most 16"));
+  EXPECT_THAT(refusal("monitor.enable", {"id=1,"}), HasSubstr("argument 'id'"));
+  EXPECT_THAT(refusal("functional_monitor.add", {"id=5,6", "monitor=7"}), HasSubstr("argument 'id'"));
+  EXPECT_THAT(refusal("eps.switch_load", {"load=1,2", "state=on"}), HasSubstr("argument 'load'"));
+}
+
 TEST(CommandText, TakesAPacketAsTheTelecommandItIs) {
   const auto added = dictionary().encode(
       "event_action.add", {"event=eps.battery_low", "request=eps.switch_load load=2 state=off"});
