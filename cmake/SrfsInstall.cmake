@@ -62,10 +62,12 @@ add_library(srfs_node INTERFACE)
 add_library(srfs::node ALIAS srfs_node)
 target_link_libraries(srfs_node INTERFACE srfs_suite srfs_hw srfs_msgs srfs_mission srfs_commanding srfs_payload)
 
-# Writes the file that find_package(srfs) reads. ${mission} and ${generator}: where it finds the mission dictionary, and what generates code.
+# Writes the file that find_package(srfs) reads. ${mission}, ${generator} and ${interfaces}: where it finds the mission dictionary, what
+# generates code, and the interface packages that SRFS has.
 macro(srfs_configure_package output)
   configure_package_config_file(${PROJECT_SOURCE_DIR}/cmake/srfsConfig.cmake.in ${output}
-    INSTALL_DESTINATION ${SRFS_INSTALL_CMAKE} PATH_VARS CMAKE_INSTALL_LIBDIR CMAKE_INSTALL_BINDIR mission generator NO_SET_AND_CHECK_MACRO)
+    INSTALL_DESTINATION ${SRFS_INSTALL_CMAKE} PATH_VARS CMAKE_INSTALL_LIBDIR CMAKE_INSTALL_BINDIR mission generator interfaces
+    NO_SET_AND_CHECK_MACRO)
 endmacro()
 
 # srfs_install_package(): called once at the end.
@@ -86,15 +88,18 @@ function(srfs_install_package)
   write_basic_package_version_file(${installed}/srfsConfigVersion.cmake COMPATIBILITY SameMinorVersion)
   set(mission ${CMAKE_INSTALL_DATADIR}/srfs/mission)
   set(generator ${CMAKE_INSTALL_DATADIR}/srfs/generator)
+  set(interfaces ${CMAKE_INSTALL_DATADIR}/srfs/interfaces)
   srfs_configure_package(${installed}/srfsConfig.cmake)
   # This build tree is a package too: find_package(srfs) finds it with CMAKE_PREFIX_PATH. What configured it before may have left files that
   # would be found first.
   file(REMOVE ${PROJECT_BINARY_DIR}/srfsConfig.cmake ${PROJECT_BINARY_DIR}/srfsConfigVersion.cmake)
   set(mission ${PROJECT_SOURCE_DIR}/mission)
   set(generator ${PROJECT_SOURCE_DIR}/msgs/generator)
+  set(interfaces ${SRFS_INTERFACE_FOLDERS})
   set(in_build ${PROJECT_BINARY_DIR}/${SRFS_INSTALL_CMAKE})
   srfs_configure_package(${in_build}/srfsConfig.cmake)
-  set(mission_build ${PROJECT_SOURCE_DIR}/cmake/SrfsMission.cmake ${PROJECT_SOURCE_DIR}/cmake/simulator_main.cpp.in)
+  set(mission_build SrfsInterfaces.cmake SrfsMission.cmake simulator_main.cpp.in)
+  list(TRANSFORM mission_build PREPEND ${PROJECT_SOURCE_DIR}/cmake/)
   file(COPY ${installed}/srfsConfigVersion.cmake ${mission_build} DESTINATION ${in_build})
   export(EXPORT srfsTargets NAMESPACE srfs:: FILE ${in_build}/srfsTargets.cmake)
   install(FILES ${installed}/srfsConfig.cmake ${installed}/srfsConfigVersion.cmake ${mission_build}
@@ -110,7 +115,8 @@ function(srfs_install_package)
   install(DIRECTORY ${generated_messages}/ ${generated_structures}/ DESTINATION ${SRFS_INSTALL_HEADERS} ${headers})
 
   install(DIRECTORY programs/srfs/templates DESTINATION ${CMAKE_INSTALL_DATADIR}/srfs)
-  install(DIRECTORY msgs/srfs_msgs msgs/interfaces/ DESTINATION ${CMAKE_INSTALL_DATADIR}/srfs/interfaces FILES_MATCHING PATTERN "*.msg")
+  install(DIRECTORY msgs/srfs_msgs msgs/interfaces/ DESTINATION ${CMAKE_INSTALL_DATADIR}/srfs/interfaces
+    FILES_MATCHING PATTERN "*.msg" PATTERN "*.srv" PATTERN "*.action")
 
   srfs_write_node_build(${PROJECT_BINARY_DIR}/installed_node_build.json INCLUDE ${SRFS_INSTALL_HEADERS}
     READABLE ${SRFS_INSTALL_HEADERS} ${CMAKE_INSTALL_LIBDIR} ${CMAKE_INSTALL_DATADIR}/srfs LIBRARIES ${CMAKE_INSTALL_LIBDIR})

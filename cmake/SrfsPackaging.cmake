@@ -36,7 +36,7 @@ set(CPACK_DEBIAN_PACKAGE_RECOMMENDS
 # OpenCV: for uplinked image methods that are written in it (examples/image_motion).
 # libpq5: srfs-ground loads it for an archive in a PostgreSQL.
 set(CPACK_DEBIAN_PACKAGE_SUGGESTS
-  "cmake, libeigen3-dev, libgmock-dev, libopencv-core-dev, libopencv-imgproc-dev, libpq5, ninja-build, python3-jinja2, python3-yaml")
+  "cmake, libeigen3-dev, libgmock-dev, libopencv-core-dev, libopencv-imgproc-dev, libpq5, ninja-build, python3-jinja2, python3-rosidl, python3-yaml")
 list(JOIN CPACK_DEBIAN_PACKAGE_DEPENDS ", " CPACK_DEBIAN_PACKAGE_DEPENDS)
 set(CPACK_DEBIAN_PACKAGE_CONTROL_STRICT_PERMISSION ON)
 foreach(script postinst prerm postrm conffiles)

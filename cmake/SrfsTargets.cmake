@@ -97,7 +97,9 @@ function(add_srfs_node name)
   endif()
 endfunction()
 
-# How SrfsMission builds in this tree.
+# How SrfsInterfaces and SrfsMission build in this tree.
+set(SRFS_GENERATOR_FOLDER ${PROJECT_SOURCE_DIR}/msgs/generator)
+set(SRFS_INTERFACE_FOLDERS ${PROJECT_SOURCE_DIR}/msgs ${PROJECT_SOURCE_DIR}/msgs/interfaces)
 function(srfs_mission_library name)
   cmake_parse_arguments(ARG "" "" "SOURCES;DEPS" ${ARGN})
   srfs_add_library(${name} SOURCES ${ARG_SOURCES} DEPS ${ARG_DEPS})

@@ -1,9 +1,9 @@
 // SPDX-FileCopyrightText: 2026 SRFS contributors
 // SPDX-License-Identifier: Apache-2.0
 // Feeds payloads from an arbitrary peer to the decoders of all types that our nodes subscribe to or serve,
-// including the types of actions. Input: one octet that selects the type, then the payload with its
-// encapsulation header. Checks that a decoded payload decodes to the same value after it is encoded again,
-// and that the memory it uses is limited by its number of octets.
+// including the types of actions, and of a type with every kind of field. Input: one octet that selects the
+// type, then the payload with its encapsulation header. Checks that a decoded payload decodes to the same
+// value after it is encoded again, and that the memory it uses is limited by its number of octets.
 
 #include <array>
 #include <cstdlib>
@@ -29,6 +29,7 @@
 #include <srfs_msgs/msg/telecommand_report.hpp>
 #include <srfs_msgs/msg/time_tick.hpp>
 #include <srfs_msgs/srv/check_alive.hpp>
+#include <test_interfaces/msg/every.hpp>
 
 #include "ros/graph.hpp"
 #include "ros/type_support.hpp"
@@ -66,7 +67,7 @@ using Fibonacci = example_interfaces::action::Fibonacci;
 using Decode = void (*)(OctetView);
 
 // Add new types at the end, because the corpus refers to types by number.
-constexpr std::array<Decode, 29> decoders{
+constexpr std::array<Decode, 30> decoders{
     decode<Fibonacci::SendGoal::Request>,
     decode<Fibonacci::SendGoal::Response>,
     decode<Fibonacci::GetResult::Request>,
@@ -96,6 +97,7 @@ constexpr std::array<Decode, 29> decoders{
     decode<srfs_msgs::msg::TimeTick>,
     decode<srfs_msgs::srv::CheckAlive::Request>,
     decode<srfs_msgs::srv::CheckAlive::Response>,
+    decode<test_interfaces::msg::Every>,
 };
 
 }  // namespace

@@ -4,6 +4,7 @@
 
 import os
 import shutil
+import subprocess
 import textwrap
 import unittest
 from pathlib import Path
@@ -43,12 +44,33 @@ class FindPackageTest(unittest.TestCase):
         shutil.copytree(SOURCE / "mission/payload_eps", project / "payload_eps")
         build = self.folder / "project_build"
         output(self.prefix / "bin/srfs", "new", "node", "counter", "--in", project)  # the installed templates and generator
-        output("cmake", "-S", project, "-B", build, "-G", "Ninja", f"-DCMAKE_PREFIX_PATH={self.prefix}", "-DCMAKE_BUILD_TYPE=Release")
+        found = self.folder / "found/share/found_msgs"  # as an installed package of ROS 2
+        for file, text in ((found / "msg/Found.msg", "uint32 count\n"), (found / "srv/Find.srv", "uint32 least\n---\nFound found\n"),
+                           (found / "msg/Unused.msg", "bool x\n"), (project / "beside_msgs/msg/Sample.msg", "builtin_interfaces/Time stamp\n")):  # fmt: skip
+            file.parent.mkdir(parents=True, exist_ok=True)
+            file.write_text(text)
+        prefixes = f"{self.prefix};{self.folder / 'found'}"
+        output("cmake", "-S", project, "-B", build, "-G", "Ninja", f"-DCMAKE_PREFIX_PATH={prefixes}", "-DCMAKE_BUILD_TYPE=Release")
         output("cmake", "--build", build)
         self.assertIn("100% tests passed", output("ctest", "--test-dir", build))
-        for node in ("minimal_node", "payload_eps_node", "counter_node"):
+        for node in ("minimal_node", "messages_node", "payload_eps_node", "counter_node"):
             self.assertIn("--deployment", output(build / "bin" / node, "--help"))
             self.assertEqual(hardening.faults(hardening.read(build / "bin" / node), absolute_runpath=True), [])
+
+        self.check_interfaces(project, build, found)
+
+    def check_interfaces(self, project, build, found):
+        """What is generated again, what is installed, and what is said of a wrong file."""
+        output("cmake", "--install", build, "--prefix", self.folder / "own")
+        self.assertEqual({str(p.relative_to(self.folder / "own/share")) for p in (self.folder / "own/share").rglob("*.msg")}, {"messages/msg/Own.msg"})
+        header = build / "messages/messages_types/found_msgs/msg/found.hpp"
+        (found / "msg/Found.msg").write_text("uint32 count\nuint32 another\n")
+        output("cmake", "--build", build, "--target", "messages_node")
+        self.assertIn("another", header.read_text())
+        (project / "messages/msg/Own.msg").write_text("far_msgs/Far far\n")
+        wrong = subprocess.run(["cmake", "--build", build, "--target", "messages_node"], stdin=subprocess.DEVNULL, capture_output=True, text=True, timeout=300)
+        self.assertNotEqual(wrong.returncode, 0)
+        self.assertRegex(" ".join((wrong.stdout + wrong.stderr).split()), r"messages/msg/Own\.msg: uses far_msgs/Far, which is not in .*ros-far-msgs")
 
     def test_nodes_and_deployments_of_the_last_release_are_moved_by_the_steps_of_the_page(self):
         page = "docs/how-to/move_a_mission.md"
