@@ -12,6 +12,7 @@
 
 #include "base/log.hpp"
 #include "programs/srfs/added_node_commands.hpp"
+#include "programs/srfs/diagnostics_command.hpp"
 #include "programs/srfs/doctor.hpp"
 #include "programs/srfs/mcap_commands.hpp"
 #include "programs/srfs/new_commands.hpp"
@@ -19,6 +20,7 @@
 #include "programs/srfs/observer.hpp"
 #include "programs/srfs/rescue_commands.hpp"
 #include "programs/srfs/ring_commands.hpp"
+#include "programs/srfs/run_command.hpp"
 #include "programs/srfs/suite.hpp"
 #include "programs/srfs/topic_commands.hpp"
 #include "programs/srfs/version_commands.hpp"
@@ -241,7 +243,15 @@ struct ObserverArguments {
   McapRecording recording;
   McapPlay play;
   int play_wait_ms = static_cast<int>(McapPlay{}.wait.count());
+  TopicEcho echo;
+  int period_ms = 1000;
+  int patience_s = static_cast<int>(TopicEcho{}.patience.count());
 };
+
+constexpr const char* interfaces_help =
+    "Folder with definitions of messages, PACKAGE/msg/NAME.msg, besides those of this installation and of "
+    "the "
+    "ROS 2 of this shell (AMENT_PREFIX_PATH)";
 
 void add_status_and_lifecycle(CLI::App& app, ObserverArguments& a, CommandLine& line) {
   on(app.add_subcommand("status", "Show lifecycle state, pid, incarnation, version, restarts of every node"),
@@ -289,6 +299,10 @@ void add_record(CLI::App& app, ObserverArguments& a, CommandLine& line) {
       ->check(CLI::Range(1, 16))
       ->capture_default_str()
       ->needs(file);
+  command->add_option("--interfaces", a.recording.interfaces, interfaces_help)
+      ->check(CLI::ExistingDirectory)
+      ->allow_extra_args(false)
+      ->needs(file);
   on(command, line, [&](const Target& target) {
     if (a.recording.file.empty()) return record(target, seconds(a.duration_s));
     a.recording.duration = seconds(a.duration_s);
@@ -306,6 +320,35 @@ void add_topics(CLI::App& app, ObserverArguments& a, CommandLine& line) {
   on(command, line, [&](const Target& target) {
     return show_topics(target, a.recording.domain, milliseconds(a.wait_ms), line.json);
   });
+}
+
+void add_echo(CLI::App& app, ObserverArguments& a, CommandLine& line) {
+  CLI::App* command = app.add_subcommand("echo", "Print the messages of a topic, of any type, as JSON lines");
+  command->add_option("topic", a.echo.topic, "/timing/tick; `srfs topics` shows all")->required();
+  command->add_option("--count", a.echo.count, "Messages; 0: until Ctrl-C")->capture_default_str();
+  command->add_option("--patience", a.patience_s, "Seconds to wait for a message")
+      ->check(CLI::Range(1, 86400))
+      ->capture_default_str();
+  command->add_option("--most", a.echo.most, "Elements of each array that are shown")->capture_default_str();
+  command->add_option("--domain", a.echo.domain, "DDS domain; default: that of the running suite")
+      ->check(CLI::Range(0, 232));
+  command->add_option("--interfaces", a.echo.interfaces, interfaces_help)
+      ->check(CLI::ExistingDirectory)
+      ->allow_extra_args(false);
+  on(command, line, [&](const Target& target) {
+    a.echo.patience = seconds(a.patience_s);
+    return echo_topic(target, a.echo);
+  });
+}
+
+void add_diagnostics(CLI::App& app, ObserverArguments& a, CommandLine& line) {
+  CLI::App* command = app.add_subcommand(
+      "diagnostics", "Publish the health of all nodes on /diagnostics and /diagnostics_agg, for ROS 2 tools");
+  command->add_option("--period", a.period_ms, "Milliseconds")
+      ->check(CLI::Range(100, 60000))
+      ->capture_default_str();
+  on(command, line,
+     [&](const Target& target) { return publish_diagnostics(target, milliseconds(a.period_ms)); });
 }
 
 void add_play(CLI::App& app, ObserverArguments& a, CommandLine& line) {
@@ -512,6 +555,29 @@ void add_node_commands(CLI::App& app, NodeArguments& a, CommandLine& line) {
      [&](const Target& target) { return list_added_nodes(target, line.json); });
 }
 
+void add_run(CLI::App& app, RunOrder& order, CommandLine& line) {
+  CLI::App* command = app.add_subcommand("run",
+                                         "Run a node's program without a deployment: `srfs run my_node "
+                                         "--ros-args -p NAME:=VALUE --params-file FILE -r "
+                                         "FROM:=TO`. It belongs to no suite, and obeys everyone in its DDS "
+                                         "domain. What is behind the program is the "
+                                         "program's");
+  command->add_option("program", order.program, "A path, or a name beside srfs")->required();
+  command->add_option("--name", order.node, "Name of the node; default: the program's, without _node");
+  command
+      ->add_option("--domain", order.domain,
+                   "DDS domain; default: ROS_DOMAIN_ID, else the running suite's, else 42")
+      ->check(CLI::Range(0, 101));
+  command->add_option(
+      "--folder", order.folder,
+      "Folder for its deployment, state and kept parameters; default: ~/.local/state/srfs/run/NAME");
+  command->prefix_command()->fallthrough(false);  // what is behind the program is not for srfs
+  on(command, line, [&order, command](const Target& target) {
+    order.arguments = command->remaining();
+    return run_program(target, order);
+  });
+}
+
 void add_new(CLI::App& app, NewOrder& order, CommandLine& line) {
   CLI::App* command = app.add_subcommand(
       "new",
@@ -541,6 +607,9 @@ void add_new(CLI::App& app, NewOrder& order, CommandLine& line) {
       "Folder of a mission; it is made if it is not there. Its sim.yaml, else the deployment, gets the slot",
       new_payload)
       ->required();
+  add("interfaces", "A package of ROS 2 interfaces, for nodes of SRFS and for a ROS 2 workspace",
+      "Folder that gets the new one", new_interfaces)
+      ->check(CLI::ExistingDirectory);
   add("telecommand", "A telecommand with its handler and its test, for a node that `srfs new node` wrote",
       "Folder of the node", new_telecommand)
       ->check(CLI::ExistingDirectory);
@@ -594,6 +663,7 @@ int run(int argc, char** argv) {
   VersionArguments versions;
   NodeArguments nodes;
   NewOrder new_order;
+  RunOrder run_order;
   StarterArguments starter;
   add_up(app, suite, line);  // the order is that of --help
   add_down_and_restart(app, suite, line);
@@ -604,11 +674,14 @@ int run(int argc, char** argv) {
   add_rescue_commands(app, rescue, line);
   add_version_commands(app, versions, line);
   add_node_commands(app, nodes, line);
+  add_run(app, run_order, line);
   add_new(app, new_order, line);
   add_doctor(app, line);
   add_topics(app, observer, line);
   add_record(app, observer, line);
   add_play(app, observer, line);
+  add_echo(app, observer, line);
+  add_diagnostics(app, observer, line);
   add_starter(app, starter, line);
   try {
     app.parse(argc, argv);

@@ -4,12 +4,10 @@
 
 #include <algorithm>
 #include <cerrno>
-#include <cstdlib>
 #include <cstring>
 #include <fstream>
 #include <map>
 #include <set>
-#include <sstream>
 
 #include <fcntl.h>
 #include <fmt/format.h>
@@ -20,9 +18,9 @@
 #include "mcap/mcap_reader.hpp"
 #include "mcap/mcap_writer.hpp"
 #include "mcap/message_definition.hpp"
+#include "programs/srfs/definition_folders.hpp"
 #include "ros/serialized.hpp"
 #include "ros/worker.hpp"
-#include "suite/launcher.hpp"
 
 namespace srfs::tool {
 namespace {
@@ -33,19 +31,6 @@ constexpr milliseconds look_period{200};  // for new topics
 constexpr milliseconds chunk_period{1000};
 constexpr std::size_t most_chunks_waiting = 16;  // for the disk
 constexpr seconds disk_deadline{60};
-
-/// Where the definitions of message types lie: of this installation, or of the tree that this was built from;
-/// and of the ROS 2 that this shell has.
-std::vector<fs::path> definition_folders() {
-  const fs::path installed = suite::suite_bin_folder().parent_path() / "share/srfs/interfaces";
-  std::vector<fs::path> folders{installed, SRFS_SOURCE_DIR "/msgs", SRFS_SOURCE_DIR "/msgs/interfaces"};
-  const char* prefixes = std::getenv("AMENT_PREFIX_PATH");
-  std::istringstream list(prefixes != nullptr ? prefixes : "");
-  for (std::string prefix; std::getline(list, prefix, ':');) {
-    if (!prefix.empty()) folders.push_back(fs::path(prefix) / "share");
-  }
-  return folders;
-}
 
 /// rosbag2's words for the QoS of a topic (rmw/types.h: history, reliability and durability are numbers).
 std::string offered_qos(const ros::TopicEnds& ends) {
@@ -82,7 +67,7 @@ class Recorder {
       : executor_(executor),
         participant_(participant),
         recording_(recording),
-        folders_(definition_folders()),
+        folders_(definition_folders(recording.interfaces)),
         file_(std::move(file)),
         disk_(executor, "mcap", most_chunks_waiting, disk_deadline) {
     store(writer_.begin("ros2"));

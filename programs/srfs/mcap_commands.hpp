@@ -18,6 +18,7 @@ struct McapRecording {
   seconds duration{0};            ///< 0: until SIGTERM or SIGINT
   std::uint64_t most_mib = 1024;  ///< of the file; the recording ends there
   std::uint64_t largest_mib = 1;  ///< of a sample; larger ones are dropped and counted
+  std::vector<std::string> interfaces;  ///< folders with definitions (definition_folders.hpp)
 };
 
 /// Records topics of any type into a new MCAP file, topics and publishers of other programs too. Listens

@@ -564,6 +564,25 @@ int write_payload(const Target& target, const NewOrder& order) {
   return show(report, order.json);
 }
 
+int write_interfaces(const NewOrder& order) {
+  const fs::path in = folder_of(order.in);
+  const fs::path folder = in / order.name;
+  refuse_existing(folder);
+  std::error_code ec;
+  if (fs::exists(shared("interfaces", "msgs") / order.name, ec) ||
+      fs::exists(shared("interfaces", "msgs/interfaces") / order.name, ec))
+    throw ConfigError(fmt::format("SRFS has a package '{}': choose another name", order.name));
+  Report report{.node = order.name, .folder = folder, .numbers = Json::object()};
+  const NewFiles files(in);
+  report.files =
+      write_folder(files.folder() / order.name, templates_of("interfaces"), {{"name", order.name}});
+  files.move({});
+  report.next = {fmt::format("in a node's CMakeLists.txt: srfs_generate_interfaces(messages PACKAGES {})",
+                             folder.string()),
+                 fmt::format("in a ROS 2 workspace: colcon build --packages-select {}", order.name)};
+  return show(report, order.json);
+}
+
 /// The one file of the folder whose name ends so and whose text has @p text.
 fs::path file_with(const fs::path& folder, std::string_view end, std::string_view text) {
   std::error_code ec;
@@ -661,6 +680,10 @@ int new_method(const Target& target, const NewOrder& order) {
 
 int new_payload(const Target& target, const NewOrder& order) {
   return run(order, [&] { return write_payload(target, order); });
+}
+
+int new_interfaces(const Target&, const NewOrder& order) {
+  return run(order, [&] { return write_interfaces(order); });
 }
 
 int new_telecommand(const Target& target, const NewOrder& order) {

@@ -25,6 +25,8 @@ int new_method(const Target& target, const NewOrder& order);
 /// A payload with its simulator model: the folder IN/payload_NAME, and its place in the mission whose folder
 /// is IN, which is made if it is not there.
 int new_payload(const Target& target, const NewOrder& order);
+/// A package of ROS 2 interfaces: the folder IN/NAME, which a ROS 2 workspace builds, too.
+int new_interfaces(const Target& target, const NewOrder& order);
 /// A telecommand of the node whose folder is IN, with its handler and its test.
 int new_telecommand(const Target& target, const NewOrder& order);
 

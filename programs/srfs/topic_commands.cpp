@@ -2,12 +2,98 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "programs/srfs/topic_commands.hpp"
 
+#include <cstdio>
+
 #include <fmt/format.h>
+#include <sys/epoll.h>
 #include <nlohmann/json.hpp>
 
+#include "base/signals.hpp"
+#include "mcap/message_definition.hpp"
+#include "mcap/message_layout.hpp"
+#include "programs/srfs/definition_folders.hpp"
 #include "ros/serialized.hpp"
 
 namespace srfs::tool {
+namespace {
+
+constexpr milliseconds look_period{100};  // for the topic's publishers
+
+/// Subscribes to a topic when one publishes it, and prints what comes.
+class Echo {
+ public:
+  Echo(ros::Executor& executor, ros::Participant& participant, const TopicEcho& order)
+      : executor_(executor), participant_(participant), order_(order), heard_(monotonic_now()) {
+    look_ = executor.add_timer(
+        monotonic_now(), look_period, [this] { look(); }, "topic");
+  }
+
+  /// Why it ended before its time; empty: it did not.
+  [[nodiscard]] const std::string& failure() const { return failure_; }
+  [[nodiscard]] std::uint64_t shown() const { return shown_; }
+
+ private:
+  void look() {
+    if (monotonic_now() - heard_ > order_.patience)
+      return end(subscription_
+                     ? fmt::format("no message of {} for {} s", order_.topic, order_.patience.count())
+                     : fmt::format("nobody publishes {}: `srfs topics` shows the topics", order_.topic));
+    if (subscription_) return;
+    for (const ros::TopicEnds& ends : participant_.topics().topics()) {
+      const std::string type = ros::ros_type_name(ends.type);
+      if (ends.topic == "rt" + order_.topic && ends.publishers > 0 && !type.empty())
+        return subscribe(type, ends);
+    }
+  }
+
+  void subscribe(const std::string& type, const ros::TopicEnds& ends) {
+    const auto definition = mcap::message_definition(type, definition_folders(order_.interfaces));
+    if (!definition)
+      return end(
+          fmt::format("{} is of type {}, which has no definition here: name the folder with its "
+                      "package by --interfaces",
+                      order_.topic, type));
+    auto layout = mcap::MessageLayout::parse(type, *definition);
+    if (!layout) return end(fmt::format("{}: {}", type, layout.error()));
+    layout_.emplace(std::move(*layout));
+    const ros::Qos qos{
+        .depth = 256, .transient_local = ends.transient_local, .best_effort = ends.best_effort};
+    try {
+      subscription_ = std::make_unique<ros::SerializedSubscription>(
+          executor_, participant_, order_.topic, type, qos, ros::Priority::normal,
+          [this](OctetView octets, const ros::MessageInfo&) { show(octets); });
+    } catch (const std::runtime_error& error) {
+      end(error.what());
+    }
+  }
+
+  void show(OctetView octets) {
+    heard_ = monotonic_now();
+    const auto json = layout_->to_json(octets, order_.most);
+    if (!json) return end(fmt::format("{} has a message that its definition does not fit", order_.topic));
+    if (order_.count != 0 && shown_ == order_.count) return;
+    std::puts(json->c_str());
+    std::fflush(stdout);
+    if (++shown_ == order_.count) executor_.stop();
+  }
+
+  void end(std::string failure) {
+    failure_ = std::move(failure);
+    executor_.stop();
+  }
+
+  ros::Executor& executor_;
+  ros::Participant& participant_;
+  const TopicEcho& order_;
+  MonotonicTime heard_;
+  std::uint64_t shown_ = 0;
+  std::string failure_;
+  std::optional<mcap::MessageLayout> layout_;
+  std::unique_ptr<ros::SerializedSubscription> subscription_;
+  ros::Timer look_;
+};
+
+}  // namespace
 
 int show_topics(const Target& target, std::optional<int> domain, milliseconds wait, bool json) {
   using Json = nlohmann::ordered_json;
@@ -46,6 +132,30 @@ int show_topics(const Target& target, std::optional<int> domain, milliseconds wa
   }
   if (json) fmt::print("{}\n", list.dump(2, ' ', false, Json::error_handler_t::replace));
   return 0;
+}
+
+int echo_topic(const Target& target, const TopicEcho& order) {
+  const auto fail = [](const std::string& why) {
+    fmt::print(stderr, "srfs echo: {}\n", why);
+    return 1;
+  };
+  const auto domain = order.domain ? order.domain : running_domain(target);
+  if (!domain)
+    return fail(fmt::format("the suite is not running (no {}); --domain names another domain",
+                            target.var.domain_file().string()));
+  const Fd signals = termination_signals();
+  ros::Executor executor;
+  ros::ParticipantOptions options = participant_options(target, *domain, executor);
+  options.remember_topics = true;
+  options.bound_foreign = false;
+  options.drop_foreign = false;
+  const auto participant = ros::Participant::create(options);
+  if (!participant) return fail(participant.error());
+  const auto watch = executor.add_fd(signals.get(), EPOLLIN, [&](std::uint32_t) { executor.stop(); });
+  Echo echo(executor, **participant, order);
+  executor.spin();
+  if (!echo.failure().empty()) return fail(echo.failure());
+  return echo.shown() > 0 ? 0 : 1;
 }
 
 }  // namespace srfs::tool

@@ -53,6 +53,9 @@ RULES = (
     Rule(r"pass run .*--wait$", interrupted_s=3, codes=(1,)),  # the next pass is hours away
     Rule(r"pass run .*--rehearse", skipped="tests/system/test_pass.py"),  # a second simulation
     Rule(r"srfs doctor", replaced=((r"^sudo ", ""),), codes=(0, 1)),  # machines differ
+    Rule(r"srfs echo", replaced=((r"$", " --count 2"),), says=r'"cycle":'),
+    Rule(r"srfs diagnostics$", interrupted_s=2),
+    Rule(r"srfs run ", skipped="tests/system/test_ros_tools.py"),
     Rule(r"record --duration", replaced=((r"duration 5", "duration 1"),)),
     Rule(r'"fault": "silent"', then="""build-release/bin/hw_sim --control '{"peripheral": "eps", "fault": "none"}'"""),
     Rule(r"state=on --at 2026-", replaced=((r"2026-\S+Z", lambda: utc(3600)),), says="scheduled"),

@@ -141,6 +141,17 @@ class NewTest(SystemTest):
         code, answer = self.new("payload", "one", folder=self.mine / "README.md/mission")
         self.assertEqual((code, answer["ok"]), (1, False), answer)
 
+    def test_an_interface_package_is_written_once_under_a_name_that_is_free(self):
+        (self.mine / "CMakeLists.txt").write_text("project(mine)\n")
+        code, answer = self.new("interfaces", "my_msgs")
+        self.assertEqual((code, set(answer["files"])), (0, set(files_of(self.mine / "my_msgs"))), answer)
+        self.assertEqual((self.mine / "CMakeLists.txt").read_text(), "project(mine)\n", "it is no part of the node's build")
+        for name, why in (("my_msgs", "is there already"), ("srfs_msgs", "SRFS has a package"), ("Bad-Name", "lower-case")):
+            code, answer = self.new("interfaces", name)
+            self.assertEqual(code, 1, answer)
+            self.assertIn(why, answer["error"])
+        self.assertEqual({p.name for p in self.mine.iterdir()}, {"CMakeLists.txt", "my_msgs"})
+
     def check_mission(self, folder, deployment, payloads):
         mission = yaml.safe_load((folder / "mission.yaml").read_text())
         self.assertEqual(mission["payloads"], payloads)

@@ -167,6 +167,14 @@ class WorkspaceTest(unittest.TestCase):
         output("cmake", "-S", user, "-B", self.folder / "build/user", "-G", "Ninja", f"-DCMAKE_PREFIX_PATH={prefixes}", "-DPython3_EXECUTABLE=/usr/bin/python3")
         output("cmake", "--build", self.folder / "build/user")
 
+    def test_a_package_that_srfs_new_writes_is_built_by_them_too(self):
+        package = self.folder / "src/my_msgs"
+        package.parent.mkdir(exist_ok=True)
+        output(BIN / "srfs", "new", "interfaces", package.name, "--in", package.parent)
+        self.build(package)
+        self.assertTrue((self.folder / "install/my_msgs/include/my_msgs/my_msgs/msg/sample.hpp").exists())
+        self.assertTrue((self.folder / "install/my_msgs/share/my_msgs/msg/Sample.msg").exists(), "where srfs_generate_interfaces finds it")
+
 
 class ColconTest(unittest.TestCase):
     """What `srfs new` writes, in a colcon workspace beside packages of ROS 2, with an installed SRFS."""
