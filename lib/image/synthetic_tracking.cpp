@@ -347,6 +347,21 @@ class Search {
     return same >= 3;
   }
 
+  /// On the sky and on the detector: a seed beside what stands there may settle on it.
+  [[nodiscard]] bool moves(const Motion& m) const {
+    if (std::hypot(m.vx, m.vy) * (last_ - first_) < moved_least()) return false;
+    double left = 0, right = 0, top = 0, bottom = 0;
+    for (std::size_t k = 0; k < used_.size(); ++k) {
+      const double u = m.x_at(times_[k]);
+      const double v = m.y_at(times_[k]);
+      const double x = to_frame_[k].x(u, v);
+      const double y = to_frame_[k].y(u, v);
+      left = k == 0 ? x : std::min(left, x), right = k == 0 ? x : std::max(right, x);
+      top = k == 0 ? y : std::min(top, y), bottom = k == 0 ? y : std::max(bottom, y);
+    }
+    return std::hypot(right - left, bottom - top) >= moved_least();
+  }
+
   /// Without what stands where it passes.
   [[nodiscard]] std::optional<float> own_light(std::size_t k, const Motion& m) const {
     const double x = m.x_at(times_[k]);
@@ -365,6 +380,7 @@ class Search {
   /// Judged by all frames: seen in most of them, beyond what chance makes of so many pairs without the two
   /// brightest.
   [[nodiscard]] std::optional<Tracklet> object_of(const Motion& m) const {
+    if (!moves(m)) return std::nullopt;
     std::vector<float> values;
     std::size_t lit = 0;
     for (std::size_t k = 0; k < used_.size(); ++k) {

@@ -38,9 +38,9 @@ class DriftingSky {
   std::vector<Object> objects;
 
   /// @param order  of the frames, as they are given
-  [[nodiscard]] SequenceFindings found(const std::string& option, const std::vector<int>& order = {}) {
+  [[nodiscard]] SequenceFindings found(const std::vector<std::string>& given,
+                                       const std::vector<int>& order = {}) {
     const MethodEntry* entry = *find_method("tracklet");
-    const std::vector<std::string> given{option};
     const auto method = entry->make(*Parameters::parse(entry->parameters, given));
     for (int k = 0; k < frames_of_sky; ++k) {
       const auto processed = method->process(frame(order.empty() ? k : order[static_cast<std::size_t>(k)]));
@@ -95,10 +95,10 @@ TEST(SyntheticTracking, FindsWhatIsTooFaintForOneFrame) {
       const double vx = speed * std::cos(angle);
       const double vy = speed * std::sin(angle);
       sky.objects.push_back({160 + random.uniform(-60, 60) - 5 * vx, 120 + random.uniform(-40, 40) - 5 * vy,
-                             vx, vy, random.uniform(3.2, 3.8)});
+                             vx, vy, random.uniform(2.8, 3.3)});
     }
-    const SequenceFindings all = sky.found("faint=1");
-    const SequenceFindings usual = sky.found("faint=0");
+    const SequenceFindings all = sky.found({"faint=1"});
+    const SequenceFindings usual = sky.found({"faint=0"});
     int real = 0;
     for (const Object& o : sky.objects) real += has_object(all, o), found_without += has_object(usual, o);
     found += real;
@@ -106,30 +106,35 @@ TEST(SyntheticTracking, FindsWhatIsTooFaintForOneFrame) {
   }
   EXPECT_GE(found, 12) << "of 15";
   EXPECT_LE(others, 1);
-  EXPECT_LE(found_without, 11) << "they are not faint";
+  EXPECT_LE(found_without, 9) << "they are not faint";
 }
+
+/// Linking wants the object in every frame: what is found is found by the sum of light.
+const std::vector<std::string> by_light_alone{"faint=1", "hits=12"};
 
 TEST(SyntheticTracking, FindsNothingWhereNothingMovesNorWhereNothingMovesEvenly) {
   for (std::uint64_t seed = 11; seed <= 13; ++seed) {
     DriftingSky sky(seed);
-    EXPECT_TRUE(sky.found("faint=1").tracklets.empty());
+    EXPECT_TRUE(sky.found(by_light_alone).tracklets.empty());
     sky.objects.push_back({60, 60, 14, 7, 3.6});
-    EXPECT_TRUE(sky.found("faint=1", {3, 9, 0, 7, 11, 4, 1, 10, 5, 8, 2, 6}).tracklets.empty());
+    EXPECT_TRUE(sky.found(by_light_alone, {3, 9, 0, 7, 11, 4, 1, 10, 5, 8, 2, 6}).tracklets.empty());
   }
 }
 
 TEST(SyntheticTracking, GivesTheLightOfEachFrame) {
-  DriftingSky sky(5);
-  sky.objects.push_back({100, 90, 5, 2.5, 4});
-  const SequenceFindings all = sky.found("faint=1");
-  ASSERT_EQ(all.tracklets.size(), 1U);
-  const Tracklet& t = all.tracklets[0];
-  EXPECT_GE(t.points.size(), 7U);
-  EXPECT_GT(t.snr, 8.5);
-  for (const TrackPoint& p : t.points) {
-    EXPECT_NEAR(p.x, 100 + 5 * p.frame - DriftingSky::drift_x(p.frame), 2.5);
-    EXPECT_NEAR(p.y, 90 + 2.5 * p.frame - DriftingSky::drift_y(p.frame), 2.5);
-    EXPECT_GT(p.flux, 0);
+  for (const std::uint64_t seed : {2, 5}) {  // in the first a flaw of the detector shines faintly
+    DriftingSky sky(seed);
+    sky.objects.push_back({100, 90, 5, 2.5, 4});
+    const SequenceFindings all = sky.found(by_light_alone);
+    ASSERT_EQ(all.tracklets.size(), 1U);
+    const Tracklet& t = all.tracklets[0];
+    EXPECT_GE(t.points.size(), 7U);
+    EXPECT_GT(t.snr, 8.5);
+    for (const TrackPoint& p : t.points) {
+      EXPECT_NEAR(p.x, 100 + 5 * p.frame - DriftingSky::drift_x(p.frame), 2.5);
+      EXPECT_NEAR(p.y, 90 + 2.5 * p.frame - DriftingSky::drift_y(p.frame), 2.5);
+      EXPECT_GT(p.flux, 0);
+    }
   }
 }
 
