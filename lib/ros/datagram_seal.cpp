@@ -6,6 +6,7 @@
 #include <cstring>
 #include <utility>
 
+#include "base/text.hpp"
 #include "ros/datagram_filter.hpp"
 
 namespace srfs::ros {
@@ -108,6 +109,24 @@ SealKey derived(const SealKey& suite_key, std::string_view purpose, std::string_
   return hmac_sha256(suite_key, {reinterpret_cast<const std::uint8_t*>(text.data()), text.size()});
 }
 
+constexpr std::size_t mark_at = 8;          // in the GUID prefix of a limited member's participant
+constexpr std::uint8_t end_of_mark = 0x4c;  // where Fast DDS' own prefixes have 0
+using Mark = std::array<std::uint8_t, 4>;
+
+Mark mark_of(std::string_view name) {
+  const Sha256::Digest digest = sha256_of(as_octets(name));
+  return {digest[0], digest[1], digest[2], end_of_mark};
+}
+
+bool bears_mark_of(const GuidPrefix& prefix, std::string_view name) {
+  const Mark mark = mark_of(name);
+  return std::equal(mark.begin(), mark.end(), prefix.begin() + mark_at);
+}
+
+bool is_of_a_limited_one(const GuidPrefix& prefix) {
+  return prefix.back() == end_of_mark;
+}
+
 }  // namespace
 
 SealKey limited_seal_key(const SealKey& suite_key, std::string_view name) {
@@ -116,6 +135,14 @@ SealKey limited_seal_key(const SealKey& suite_key, std::string_view name) {
 
 SealKey seal_key_among_limited(const SealKey& suite_key) {
   return derived(suite_key, "srfs seal among limited members", {});
+}
+
+GuidPrefix limited_prefix(std::string_view name, const std::array<std::uint8_t, 6>& random) {
+  GuidPrefix prefix{1, 15};
+  std::copy(random.begin(), random.end(), prefix.begin() + 2);
+  const Mark mark = mark_of(name);
+  std::copy(mark.begin(), mark.end(), prefix.begin() + mark_at);
+  return prefix;
 }
 
 /// A datagram that bears a seal, in its parts.
@@ -192,25 +219,20 @@ void DatagramSeal::make_tags() {
   tags_ = std::make_shared<const Tags>(std::move(tags));
 }
 
-/// No two datagrams have one time.
+/// No two datagrams have one time. @pre the mutex is held
 MonotonicTime DatagramSeal::next_time(MonotonicTime now) {
-  std::int64_t last = last_sealed_;
-  std::int64_t time = 0;
-  do {
-    time = std::max(now.ns(), last + 1);
-  } while (!last_sealed_.compare_exchange_weak(last, time));
-  return MonotonicTime(nanoseconds(time));
+  last_sealed_ = std::max<std::int64_t>(now.ns(), last_sealed_ + 1);
+  return MonotonicTime(nanoseconds(last_sealed_));
 }
 
 void DatagramSeal::seal(OctetView message, MonotonicTime now, Octets& out) {
   out.assign(message.begin(), message.end());
   if (message.size() < rtps_header_octets) return;
-  // The time first: what has no tag for a limited member is older than all that has one.
+  // Together: what has no tag for a limited member is older than all that has one.
+  std::unique_lock lock(mutex_);
   const MonotonicTime time = next_time(now);
-  const auto tags = [this] {
-    const std::lock_guard lock(mutex_);
-    return tags_;
-  }();
+  const auto tags = tags_;
+  lock.unlock();
   const OctetView rest = message.subspan(rtps_header_octets);
   out.resize(rtps_header_octets);
   out.reserve(message.size() + most_octets);
@@ -314,7 +336,7 @@ DatagramSeal::Verdict DatagramSeal::judge(OctetView datagram, MonotonicTime now,
   if (heard.look(*message.sender(), parts->sealed) == HeardTimes::Verdict::again)
     return forge(&ForgedDatagrams::repeated);
   const bool may_be_one = datagram.size() <= longest_of_unknown || is_member(*message.sender());
-  auto who = may_be_one && parts->sealed <= now + longest_age ? prove(*parts, now) : std::nullopt;
+  auto who = may_be_one && parts->sealed <= now + longest_ahead ? prove(*parts, now) : std::nullopt;
   if (!who) return judge_unproven(message, datagram, parts);
   if (oversteps(*who, message, datagram)) return forge(&ForgedDatagrams::beyond);
   return admit(*message.sender(), std::move(*who), parts->sealed, now, heard);
@@ -324,6 +346,7 @@ DatagramSeal::Verdict DatagramSeal::judge(OctetView datagram, MonotonicTime now,
 bool DatagramSeal::oversteps(const Proven& who, const RtpsDatagram& message, OctetView datagram) const {
   if (who.name.empty()) return false;
   const GuidPrefix& sender = *message.sender();
+  if (!bears_mark_of(sender, who.name)) return true;
   bool speaks_for_others = false;
   message.for_each([](const AnnouncedSample&) {},
                    [&](const GuidPrefix& other) { speaks_for_others |= other != sender; });
@@ -346,12 +369,14 @@ DatagramSeal::Verdict DatagramSeal::admit(const GuidPrefix& sender, Proven who, 
                                           MonotonicTime now, HeardTimes& heard) {
   const std::string name = who.name;
   const std::lock_guard lock(mutex_);
-  const bool is_new = sealed >= now - longest_age && heard.add(sender, sealed) == HeardTimes::Verdict::first;
+  const bool is_new = sealed >= now - longest_age && heard.look(sender, sealed) == HeardTimes::Verdict::first;
   if (!is_new || (!name.empty() && !remember_limited(sender, std::move(who), sealed))) {
     ++stale_;
     return Verdict::stale;
   }
-  remember(sender, name, sealed);
+  (void)heard.add(sender, sealed);
+  // Who says goodbye for a limited member does not make its participant one that all believe.
+  if (!name.empty() || !is_of_a_limited_one(sender)) remember(sender, name, sealed);
   return Verdict::member;
 }
 

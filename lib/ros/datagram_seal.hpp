@@ -30,6 +30,10 @@ using SealKey = std::array<std::uint8_t, 32>;
 [[nodiscard]] SealKey limited_seal_key(const SealKey& suite_key, std::string_view name);
 /// What limited members of a suite show each other.
 [[nodiscard]] SealKey seal_key_among_limited(const SealKey& suite_key);
+/// That of a limited member's participant: the vendor's octets, @p random, and in the octets 8 to 11 a mark
+/// that follows from its name. In the prefixes that Fast DDS makes a small number stands there, so nobody
+/// takes one for that of a full member, or of another limited one, whoever speaks under it first.
+[[nodiscard]] GuidPrefix limited_prefix(std::string_view name, const std::array<std::uint8_t, 6>& random);
 
 /// What a process seals by, and knows the others by.
 struct SealKeys {
@@ -61,8 +65,9 @@ struct ForgedDatagrams {
 ///
 /// A *limited* member has a key of its own and seals by that, with its name beside it. The others know from
 /// it who it is, believe it for itself alone (Participant::limited_name), and add a proof by its key to what
-/// they send once they have heard it. Each name has one participant at a time, the newest. Limited members
-/// know each other by a key that they share: among them a name is a claim.
+/// they send once they have heard it. Each name has one participant at a time, the newest, whose GUID prefix
+/// bears the name's mark (limited_prefix). Limited members know each other by a key that they share: among
+/// them a name is a claim.
 ///
 /// What was recorded is worthless: each datagram is taken once at each port (HeardTimes), and none that is
 /// older than `longest_age`. Any thread.
@@ -75,6 +80,8 @@ class DatagramSeal {
   static constexpr std::size_t most_octets = 16 + (1 + most_limited) * tag_octets;
   static_assert(most_octets >= 16 + longest_name + 2 * tag_octets);
   static constexpr nanoseconds longest_age = seconds(60);
+  /// All processes have one clock. What is from later shows no member.
+  static constexpr nanoseconds longest_ahead = seconds(1);
   static constexpr std::size_t most_members =
       64;  ///< remembered; the one that was silent longest is forgotten
   /// A participant announces itself before it says anything else. What is longer and comes from an unknown
@@ -154,7 +161,6 @@ class DatagramSeal {
   Verdict forge(std::uint64_t ForgedDatagrams::*reason);
 
   const ReadKeys read_keys_;
-  std::atomic<std::int64_t> last_sealed_{0};
   std::atomic<std::uint64_t> stale_{0};
   std::atomic<std::uint64_t> revision_{0};
   mutable std::mutex mutex_;  // guards what follows, and is held for no hash
@@ -166,6 +172,7 @@ class DatagramSeal {
   std::vector<Member> members_;   // the one heard last in front
   std::vector<Limited> limited_;  // the same
   ForgedDatagrams forged_;
+  std::int64_t last_sealed_ = 0;
 };
 
 /// Participants of this process that have an executor seal what they send, and judge what they hear. A

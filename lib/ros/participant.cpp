@@ -8,6 +8,7 @@
 
 #include <arpa/inet.h>
 #include <netinet/in.h>
+#include <sys/random.h>
 #include <sys/socket.h>
 
 #include <fastdds/rtps/transport/UDPv4TransportDescriptor.h>
@@ -114,6 +115,18 @@ dds::DomainParticipantQos participant_qos(const ParticipantOptions& options, int
     wire.builtin.metatrafficUnicastLocatorList.push_back(locator);
   }
   return qos;
+}
+
+/// Of a limited member the prefix shows it. All others have that of Fast DDS.
+/// @return false: there are no random numbers
+bool set_prefix(dds::DomainParticipantQos& qos, const ParticipantOptions& options) {
+  const auto& seal = datagram_seal();
+  if (!seal || options.executor == nullptr || !seal->is_limited()) return true;
+  std::array<std::uint8_t, 6> random{};
+  if (getrandom(random.data(), random.size(), 0) != static_cast<ssize_t>(random.size())) return false;
+  const GuidPrefix prefix = limited_prefix(seal->keys().limited_to, random);
+  std::copy(prefix.begin(), prefix.end(), qos.wire_protocol().prefix.value);
+  return true;
 }
 
 double in_seconds(std::chrono::milliseconds time) {
@@ -290,9 +303,10 @@ Result<std::unique_ptr<Participant>, std::string> Participant::create(const Part
   std::unique_ptr<Participant> self(new Participant(options));
   self->transport_->filter = self->filter_;
   if (options.identity && options.bound_foreign) self->transport_->known = &self->known_;
+  auto qos = participant_qos(options, self->number_, self->transport_);
+  if (!set_prefix(qos, options)) return Err(std::string("no random numbers for a GUID"));
   // Discovery is called outside the mask; everything else goes to the endpoints' own listeners.
-  self->participant_ = factory->create_participant(static_cast<std::uint32_t>(options.domain),
-                                                   participant_qos(options, self->number_, self->transport_),
+  self->participant_ = factory->create_participant(static_cast<std::uint32_t>(options.domain), qos,
                                                    self->discovery_.get(), dds::StatusMask::none());
   self->transport_->discovery.open();
   if (self->participant_ == nullptr) {
@@ -327,8 +341,8 @@ void Participant::on_peers_changed(std::function<void()> callback) {
 }
 
 bool Participant::announce_departure(const GuidPrefix& prefix) const {
-  Octets message = departure_message(prefix);
-  if (const auto& seal = datagram_seal()) seal->seal(Octets(message), monotonic_now(), message);
+  const Octets departure = departure_message(prefix);
+  const auto& seal = datagram_seal();
   const Fd fd(socket(AF_INET, SOCK_DGRAM | SOCK_NONBLOCK | SOCK_CLOEXEC, 0));
   if (!fd) return false;
   bool sent = false;
@@ -336,6 +350,9 @@ bool Participant::announce_departure(const GuidPrefix& prefix) const {
     sockaddr_in to{};
     to.sin_family = AF_INET;
     if (inet_pton(AF_INET, address.c_str(), &to.sin_addr) != 1) continue;
+    Octets message = departure;
+    // Each port takes a datagram once, from whichever interface it comes.
+    if (seal) seal->seal(departure, monotonic_now(), message);
     for (int number = 0; number < static_cast<int>(most_participants); ++number) {
       to.sin_port = htons(discovery_port(domain_, number));
       const ssize_t n = sendto(fd.get(), message.data(), message.size(), 0,

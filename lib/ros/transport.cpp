@@ -6,6 +6,7 @@
 #include <cassert>
 #include <cerrno>
 #include <cstring>
+#include <mutex>
 #include <span>
 
 #include <arpa/inet.h>
@@ -281,11 +282,16 @@ class HeldReceiver final : public rtps::TransportReceiverInterface {
     // The filter first, which hashes nothing.
     const bool is_sound =
         !state_->filter || state_->filter->judge_discovery({data, size}) == DatagramFilter::Verdict::pass;
-    if (is_sound && gate_.passes({data, size}, monotonic_now()))
-      receiver_.OnDataReceived(data, size, local, remote);
+    if (is_sound && passes_seal({data, size})) receiver_.OnDataReceived(data, size, local, remote);
   }
 
  private:
+  /// Each interface of the white list has a thread that reads it.
+  bool passes_seal(OctetView datagram) {
+    const std::lock_guard lock(gate_mutex_);
+    return gate_.passes(datagram, monotonic_now());
+  }
+
   /// On the thread that reads discovery: as if they had said goodbye themselves.
   void forget_stalled(const Locator_t& local) {
     if (!state_->filter) return;
@@ -301,6 +307,7 @@ class HeldReceiver final : public rtps::TransportReceiverInterface {
 
   rtps::TransportReceiverInterface& receiver_;
   std::shared_ptr<TransportState> state_;
+  std::mutex gate_mutex_;
   SealGate gate_;
 };
 

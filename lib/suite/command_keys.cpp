@@ -227,10 +227,16 @@ Result<void, std::string> hand_out_seal_key(const VarPaths& var, const std::stri
 }
 
 Result<ros::SealKeys, std::string> seal_keys(const VarPaths& var, const std::string& node) {
-  const auto suite_key = suite_seal_key(var);
-  if (suite_key) return ros::SealKeys{*suite_key};
+  const auto made = suite_seal_key(var);
+  if (made) return ros::SealKeys{*made};
+  if (const auto found = find_seal_keys(var, node)) return *found;
+  return Err(made.error());
+}
+
+std::optional<ros::SealKeys> find_seal_keys(const VarPaths& var, const std::string& node) {
+  if (const auto suite_key = find_seal_key(var)) return ros::SealKeys{*suite_key};
   const auto own = read_key<LimitedKeys{}.size()>(var, seal_file_of(node));
-  if (own.file != KeyFile::good) return Err(suite_key.error());
+  if (own.file != KeyFile::good) return std::nullopt;
   ros::SealKeys keys{{}, node, {}};
   const auto* shared = own.key.begin() + keys.key.size();
   std::copy(own.key.begin(), shared, keys.key.begin());

@@ -61,7 +61,10 @@ inline constexpr std::string_view order_keys_suffix = ".keys";  ///< behind VarP
                                                           bool uplinked);
 /// What a node seals by: the suite's if it may read that, else its own.
 [[nodiscard]] Result<ros::SealKeys, std::string> seal_keys(const VarPaths& var, const std::string& node);
-/// The same for a tool: only what is there and this user may read.
+/// The same, only what is there: for a node that runs. It never makes a key, since all that ran before have
+/// the one that was lost, and ttc writes that again.
+[[nodiscard]] std::optional<ros::SealKeys> find_seal_keys(const VarPaths& var, const std::string& node);
+/// The suite's, for a tool: only what is there and this user may read.
 [[nodiscard]] std::optional<ros::SealKey> find_seal_key(const VarPaths& var);
 /// Before the first node of a suite is started: the next keys are others.
 void forget_command_keys(const VarPaths& var);

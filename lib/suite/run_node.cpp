@@ -354,9 +354,10 @@ void seal_datagrams_of(const VarPaths& var, const std::string& node) {
   }
   if (!keys->limited_to.empty())
     log::info("uplinked: the other nodes believe {} for itself alone", keys->limited_to);
-  ros::seal_datagrams(*keys, [var, node] {
-    const auto now = seal_keys(var, node);
-    return now ? std::optional(*now) : std::nullopt;
+  // The GUID shows for good whether a node is uplinked.
+  ros::seal_datagrams(*keys, [var, node, limited_to = keys->limited_to] {
+    auto found = find_seal_keys(var, node);
+    return found && found->limited_to == limited_to ? found : std::nullopt;
   });
 }
 
@@ -439,9 +440,7 @@ void take_devices_away(Deployment& deployment) {
 /// Random keys: a test must not need the spacecraft's.
 void replace_keys(Deployment& deployment, const VarPaths& var) {
   std::random_device random;
-  for (TelecommandChannel& channel : deployment.link.channels)
-    channel.key_file = fmt::format("keys/self_test_{}.key", channel.spi);
-  if (deployment.link.tm_security) deployment.link.tm_security->key_file = "keys/self_test_tm.key";
+  use_self_test_keys(deployment.link);
   for (const std::string& key_file : key_files_of(deployment.link)) {
     std::string digits;
     for (int i = 0; i < 8; ++i) digits += fmt::format("{:08x}", random());

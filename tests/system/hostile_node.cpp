@@ -2,7 +2,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // A payload that is correctly signed and flown, and attacks what is around it (test_hostile_node.py). It is
 // examples/payload_idle as far as the suite sees; when it gets Active it forges what other nodes say, orders
-// them over DDS, and says their goodbyes. Then it tries to read keys, to trace, kill and slow down other
+// them over DDS, and says their goodbyes, until there is state/NODE/forged_enough. What it was answered is a
+// line of state/NODE/orders. Then it tries to read keys, to trace, kill and slow down other
 // nodes of its VAR, to change their files, to start programs, and to take the machine's disk, descriptors and
 // memory. Each attempt is a line of state/NODE/attacks: "done" or "refused", and what it was. Nothing here
 // harms a machine on which an attempt succeeds, except for the nodes of this VAR.
@@ -11,6 +12,7 @@
 #include <filesystem>
 #include <fstream>
 #include <functional>
+#include <optional>
 #include <string>
 #include <thread>
 #include <vector>
@@ -257,7 +259,8 @@ class Forger {
       ChangeState::Request deactivate;
       deactivate.transition.id = 4;
       transitions_.back()->call(deactivate, seconds(5), 1, [this, victim](const auto& answer) {
-        answered("deactivate " + std::string(victim), answer && answer->success);
+        answered("deactivate " + std::string(victim),
+                 answer ? std::optional<bool>(answer->success) : std::nullopt);
       });
     }
     parameters_ = node.create_client<SetParameters>("/timing/set_parameters");
@@ -267,14 +270,16 @@ class Forger {
     slower.parameters[0].value.type = 2;
     slower.parameters[0].value.integer_value = 1000;
     parameters_->call(slower, seconds(5), 1, [this](const auto& answer) {
-      answered("slow timing down", answer && !answer->results.empty() && answer->results[0].successful);
+      const bool is_slow = answer && !answer->results.empty() && answer->results[0].successful;
+      answered("slow timing down", answer ? std::optional<bool>(is_slow) : std::nullopt);
     });
   }
 
  private:
-  void answered(const std::string& what, bool done) {
-    std::ofstream(node_.var().state(node_.name()) / "orders", std::ios::app)
-        << (done ? "done " : "refused ") << what << std::endl;
+  /// @param done  nullopt: there was no answer, so nothing is known of it
+  void answered(const std::string& what, std::optional<bool> done) {
+    const char* outcome = !done ? "unanswered " : *done ? "done " : "refused ";
+    std::ofstream(node_.var().state(node_.name()) / "orders", std::ios::app) << outcome << what << std::endl;
     ++answers_;
   }
   void forge() {
@@ -307,7 +312,8 @@ class Forger {
     order("maintenance", 48, 1, "payload_adcs");  // ring.hold
     order("maintenance", 48, 12, "x.package");    // packages.install
     if (round_ % 20 == 0) say_goodbyes();
-    if (++round_ >= rounds && answers_ == 4) {
+    if (++round_ >= rounds && answers_ == 4 &&
+        fs::exists(node_.var().state(node_.name()) / "forged_enough")) {
       timer_.reset();
       done_();
     }

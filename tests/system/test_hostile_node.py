@@ -7,14 +7,15 @@ import os
 import pathlib
 import re
 
-from support import BIN, DEADLINE_S, SystemTest, slots, wait_for_slots
-from test_update import UpdateTest
+from support import BIN, DEADLINE_S, SystemTest, kill, slots, wait_for_slots
+from test_update import BUILD_DEADLINE_S, UpdateTest
 
 from srfs import ROOT
 from srfs.flight.processes import wait_until
 
 NODE = "payload_thermal"
 OTHERS = ("payload_adcs", "payload_eps")
+RESTARTED = "payload_adcs"
 MOST = {"descriptors": 1024, "MiB of a file": 128, "MiB of memory": 256}
 # Kinds of attempts that the report must have; those on processes once for each.
 ATTEMPTS = ("list keys", "read order key seal/seal_key",
@@ -43,6 +44,26 @@ class HostileNodeTest(SystemTest):
         own = flight.var / "state" / NODE
         own.mkdir(parents=True, exist_ok=True)
         (own / "attack").touch()
+
+    def state_in(self, flight, name):
+        return next(node["state"] for node in flight.status() if node["name"] == name)
+
+    def restart_one_meanwhile(self, flight, ground, recorder, deadline_s=DEADLINE_S):
+        """A node that starts while another forges: it knows nobody yet, and must believe none of it. Returns the processes anew."""
+        own = flight.var / "state" / NODE
+        wait_until((own / "orders").exists, deadline_s, "it forges and orders")
+        since_killed = ground.position()
+        kill(flight, RESTARTED)
+        wait_until(lambda: self.state_in(flight, RESTARTED) == "active", 3 * DEADLINE_S, f"{RESTARTED} is active again")
+        self.restarted_at = recorder.position()
+        wait_for_slots(recorder, RESTARTED, "released", 2, self.restarted_at)
+        self.wait_for_event(
+            ground,
+            "node.foreign_samples",
+            since_killed,
+            lambda m: m["source"] == RESTARTED and m["fields"]["participant"].startswith(f"{NODE}, "),
+        )
+        (own / "forged_enough").touch()
         return self.processes(flight), {node: self.state_of(pid) for node, pid in self.processes(flight).items()}
 
     def judge_orders(self, flight, ground, since_sent):
@@ -88,20 +109,21 @@ class HostileNodeTest(SystemTest):
         after = recorder.position()
         for payload in OTHERS:
             wait_for_slots(recorder, payload, "released", 2, after)
-            self.assertEqual(slots(recorder, payload, "failed", since), [])
+            self.assertEqual(slots(recorder, payload, "failed", self.restarted_at if payload == RESTARTED else since), [])
         faults = [json.loads(line) for line in flight.srfs("faults").stdout.splitlines()]
-        self.assertEqual({fault["subject"] for fault in faults if fault.get("outcome_text") == "restarted"} - {NODE}, set())
+        self.assertEqual({fault["subject"] for fault in faults if fault.get("outcome_text") == "restarted"} - {NODE, RESTARTED}, set())
         print(f"{len(refused)} attempts refused;", *(line for line in lines if line.startswith("took")), sep=" ")
 
     def test_an_uplinked_program_reaches_none_of_its_goals_and_is_rolled_back(self):
         with self.flight("fig16") as flight:
             ground, recorder = flight.ground(), flight.recorder()
-            before = self.prepare(flight)
+            self.prepare(flight)
             for payload in OTHERS:
                 wait_for_slots(recorder, payload, "released", 1, 0)
             since = recorder.position()
             for words in (("add", NODE, str(BIN / "hostile_node")), ("use", NODE, "1", "--probation", "3600")):
                 self.assertEqual(flight.srfs("versions", *words).returncode, 0, words)
+            before = self.restart_one_meanwhile(flight, ground, recorder)
             self.judge(flight, ground, recorder, since, before)
             self.complete(ground, "tc ring.report_faults count=1")
 
@@ -112,13 +134,14 @@ class HostilePackageTest(UpdateTest, HostileNodeTest):
     def test_an_uplinked_program_reaches_none_of_its_goals_and_is_rolled_back(self):
         with self.flight() as flight:
             ground, recorder = flight.ground(), flight.recorder()
-            before = self.prepare(flight)
+            self.prepare(flight)
             for payload in OTHERS:
                 wait_for_slots(recorder, payload, "released", 1, 0)
             package = self.package((ROOT / "tests/system/hostile_node.cpp").read_text())
             outcome, since_sent = self.install(ground, flight, package)
             since = recorder.position()
             self.assertEqual(outcome["stage"], "completed", outcome)
+            before = self.restart_one_meanwhile(flight, ground, recorder, BUILD_DEADLINE_S)
             self.assertIn(self.end(ground, since_sent)["event"], ("update.installed", "update.failed"))
             self.judge(flight, ground, recorder, since, before, since_sent)
             self.complete(ground, "tc ring.report_faults count=1")

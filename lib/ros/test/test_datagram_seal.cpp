@@ -45,6 +45,10 @@ SealKeys limited(const std::string& name) {
   return {limited_seal_key(key, name), name, seal_key_among_limited(key)};
 }
 
+const GuidPrefix of_eps = limited_prefix("payload_eps", {9, 9, 9, 9, 9, 9});
+const GuidPrefix of_eps_later = limited_prefix("payload_eps", {5, 5, 5, 5, 5, 5});
+const GuidPrefix of_adcs = limited_prefix("payload_adcs", {6, 6, 6, 6, 6, 6});
+
 /// An RTPS message with one submessage: INFO_SRC of @p speaks_for, or a pad.
 Octets message_of(const GuidPrefix& sender, std::optional<GuidPrefix> speaks_for = std::nullopt) {
   OctetWriter out;
@@ -124,11 +128,12 @@ constexpr std::array<std::uint8_t, 4> liveliness_writer{0x00, 0x02, 0x00, 0xc2};
 constexpr std::array<std::uint8_t, 4> reply_writer{0x00, 0x00, 0x01, 0x03};
 
 /// What a stranger says in its own name, with @p content behind the ids of a DATA or DATA_FRAG.
-Octets sample_of(const std::array<std::uint8_t, 4>& writer, OctetView content, bool fragment = false) {
+Octets sample_of(const std::array<std::uint8_t, 4>& writer, OctetView content, bool fragment = false,
+                 const GuidPrefix& sender = stranger) {
   Gid gid{};
-  std::copy(stranger.begin(), stranger.end(), gid.begin());
+  std::copy(sender.begin(), sender.end(), gid.begin());
   std::copy(writer.begin(), writer.end(), gid.begin() + 12);
-  testing_support::RtpsMessage message(stranger);
+  testing_support::RtpsMessage message(sender);
   // Addressed to timing, as a unicast message is (INFO_DST).
   message.submessage(0x0e, 0, Octets(timing.begin(), timing.end()));
   Octets body = message.ids(16, gid, 1);
@@ -300,6 +305,7 @@ TEST(DatagramSeal, OfTwoDatagramsAtOneTimeBothAreTaken) {
 
 TEST(DatagramSeal, TakesEachDatagramAtMostOnceInWhateverOrderWithWhateverIsRepeated) {
   std::mt19937 random(20261127);
+  int all_taken = 0;
   for (int round = 0; round < 50; ++round) {
     Process sender(key);
     Process receiver(key);
@@ -314,10 +320,13 @@ TEST(DatagramSeal, TakesEachDatagramAtMostOnceInWhateverOrderWithWhateverIsRepea
       const std::size_t back =
           random() % 4 == 0 ? random() % sent.size() : random() % std::min<std::size_t>(sent.size(), 8);
       auto& [datagram, taken] = sent[sent.size() - 1 - back];
-      taken += receiver.judge(datagram, at + seconds(random() % 70)) == Verdict::member;
+      const bool is_taken = receiver.judge(datagram, at + seconds(random() % 70)) == Verdict::member;
+      taken += is_taken;
+      all_taken += is_taken;
       ASSERT_LE(taken, 1);
     }
   }
+  EXPECT_GT(all_taken, 1000);
 }
 
 TEST(DatagramSeal, OfALimitedMemberIsKnownByItsNameAndItKnowsTheOthers) {
@@ -327,8 +336,8 @@ TEST(DatagramSeal, OfALimitedMemberIsKnownByItsNameAndItKnowsTheOthers) {
   const Octets early = sealed(timing_node, message_of(timing));
   EXPECT_EQ(payload.judge(early, now), Verdict::foreign);
 
-  EXPECT_EQ(timing_node.judge(sealed(payload, message_of(stranger)), now), Verdict::member);
-  EXPECT_EQ(timing_node.limit_of(stranger), "payload_eps");
+  EXPECT_EQ(timing_node.judge(sealed(payload, message_of(of_eps)), now), Verdict::member);
+  EXPECT_EQ(timing_node.limit_of(of_eps), "payload_eps");
   EXPECT_EQ(payload.judge(sealed(timing_node, message_of(timing)), now), Verdict::member);
   EXPECT_EQ(payload.limit_of(timing), "");
   EXPECT_TRUE(payload.is_limited());
@@ -341,8 +350,53 @@ TEST(DatagramSeal, OfALimitedMemberIsKnownByItsNameAndItKnowsTheOthers) {
 TEST(DatagramSeal, LimitedMembersKnowEachOther) {
   Process eps(limited("payload_eps"));
   Process adcs(limited("payload_adcs"));
-  EXPECT_EQ(adcs.judge(sealed(eps, message_of(timing)), now), Verdict::member);
-  EXPECT_EQ(adcs.limit_of(timing), "payload_eps");
+  EXPECT_EQ(adcs.judge(sealed(eps, message_of(of_eps)), now), Verdict::member);
+  EXPECT_EQ(adcs.limit_of(of_eps), "payload_eps");
+}
+
+TEST(DatagramSeal, ALimitedMembersPrefixShowsItsName) {
+  constexpr std::array<std::uint8_t, 8> vendor_and_random{1, 15, 9, 9, 9, 9, 9, 9};
+  EXPECT_TRUE(std::equal(vendor_and_random.begin(), vendor_and_random.end(), of_eps.begin()));
+  EXPECT_TRUE(std::equal(of_eps.begin() + 8, of_eps.end(), of_eps_later.begin() + 8));
+  EXPECT_FALSE(std::equal(of_eps.begin() + 8, of_eps.end(), of_adcs.begin() + 8));
+  EXPECT_NE(of_eps.back(), 0) << "as in those that Fast DDS makes";
+}
+
+/// A receiver that starts anew knows nobody: who speaks first under a prefix must not get it.
+TEST(DatagramSeal, ALimitedMemberTakesNobodysPrefixWhereNobodyIsKnown) {
+  Process timing_node(key);
+  Process payload(limited("payload_eps"));
+  Process other(limited("payload_adcs"));
+  Process restarted(key);
+  EXPECT_EQ(restarted.judge(sealed(payload, message_of(timing)), now), Verdict::forged);
+  EXPECT_EQ(restarted.judge(sealed(payload, message_of(of_adcs)), now), Verdict::forged);
+  EXPECT_EQ(restarted.forged().beyond, 2U);
+  EXPECT_FALSE(restarted.is_member(timing));
+  EXPECT_EQ(restarted.judge(sealed(timing_node, message_of(timing), now + milliseconds(1)), now),
+            Verdict::member);
+  EXPECT_EQ(restarted.limit_of(timing), "");
+  EXPECT_EQ(restarted.judge(sealed(other, message_of(of_adcs), now + milliseconds(1)), now), Verdict::member);
+  EXPECT_EQ(restarted.limit_of(of_adcs), "payload_adcs");
+}
+
+TEST(DatagramSeal, ALimitedMemberSilencesNobodyWhateverPrefixesAndTimesItMakesUp) {
+  for (const nanoseconds ahead : {nanoseconds(seconds(59)), nanoseconds(seconds(1)), nanoseconds(0)}) {
+    Process timing_node(key);
+    Process switcher(key);
+    Process payload(limited("payload_eps"));
+    ASSERT_EQ(switcher.judge(sealed(timing_node, message_of(timing)), now), Verdict::member);
+    int taken = 0;
+    for (std::uint8_t i = 0; i < 200; ++i) {
+      const GuidPrefix made_up = limited_prefix("payload_eps", {i, 1, 2, 3, 4, 5});
+      taken += switcher.judge(sealed(payload, message_of(made_up), now + ahead), now) == Verdict::member;
+    }
+    EXPECT_LE(taken, 1) << "one participant at a time";
+    const MonotonicTime later = now + milliseconds(1);
+    EXPECT_EQ(switcher.judge(sealed(timing_node, message_of(timing), later), later), Verdict::member);
+    EXPECT_EQ(switcher.limit_of(timing), "");
+    Process starting(key);  // another one that was never heard
+    EXPECT_EQ(switcher.judge(sealed(starting, message_of(stranger), later), later), Verdict::member);
+  }
 }
 
 /// Whatever a program does that has a limited member's keys.
@@ -351,8 +405,8 @@ TEST(DatagramSeal, ALimitedMemberPassesForNoOther) {
   Process switcher(key);
   Process payload(limited("payload_eps"));
   Process other(limited("payload_adcs"));
-  constexpr GuidPrefix of_payload{1, 15, 9, 9, 9, 9, 9, 9, 9, 9, 9, 9};
-  constexpr GuidPrefix of_other{1, 15, 6, 6, 6, 6, 6, 6, 6, 6, 6, 6};
+  const GuidPrefix of_payload = of_eps;
+  const GuidPrefix of_other = of_adcs;
   ASSERT_EQ(switcher.judge(sealed(timing_node, message_of(timing)), now), Verdict::member);
   ASSERT_EQ(switcher.judge(sealed(payload, message_of(of_payload)), now), Verdict::member);
   ASSERT_EQ(switcher.judge(sealed(other, message_of(of_other)), now), Verdict::member);
@@ -364,17 +418,18 @@ TEST(DatagramSeal, ALimitedMemberPassesForNoOther) {
         SealKeys{limited("payload_eps").key, "timing", limited("payload_eps").among_limited},
         SealKeys{limited("payload_eps").key, "payload_adcs", limited("payload_eps").among_limited}}) {
     Process liar(keys);
-    EXPECT_EQ(switcher.judge(sealed(liar, message_of(timing)), now), Verdict::forged);
-    EXPECT_EQ(switcher.judge(sealed(liar, message_of(of_other)), now), Verdict::forged);
+    const MonotonicTime at = now + milliseconds(1);  // what has the time of another datagram is a repetition
+    EXPECT_EQ(switcher.judge(sealed(liar, message_of(timing), at), at), Verdict::forged);
+    EXPECT_EQ(switcher.judge(sealed(liar, message_of(of_other), at), at), Verdict::forged);
   }
   EXPECT_EQ(switcher.forged().wrong_seal, 8U);
   // With its own seal, as another participant, for another one, and about another one.
   EXPECT_EQ(switcher.judge(sealed(payload, message_of(timing)), now), Verdict::forged);
   EXPECT_EQ(switcher.judge(sealed(payload, message_of(of_other)), now), Verdict::forged);
   EXPECT_EQ(switcher.judge(sealed(payload, message_of(of_payload, timing)), now), Verdict::forged);
-  EXPECT_EQ(
-      switcher.judge(sealed(payload, sample_of(participant_writer, guid_parameter(0x0070, timing))), now),
-      Verdict::forged);
+  const Octets about_timing =
+      sample_of(participant_writer, guid_parameter(0x0070, timing), false, of_payload);
+  EXPECT_EQ(switcher.judge(sealed(payload, about_timing), now), Verdict::forged);
   EXPECT_EQ(switcher.forged().beyond, 4U);
   EXPECT_EQ(switcher.limit_of(timing), "");
   EXPECT_EQ(switcher.limit_of(of_other), "payload_adcs");
@@ -395,15 +450,16 @@ TEST(DatagramSeal, ALimitedMemberPassesForNoOther) {
 TEST(DatagramSeal, ALimitedMemberHasOneParticipantTheNewest) {
   Process timing_node(key);
   Process payload(limited("payload_eps"));
-  const Octets late = sealed(payload, message_of(timing));
-  ASSERT_EQ(timing_node.judge(sealed(payload, message_of(timing)), now), Verdict::member);
-  EXPECT_EQ(timing_node.judge(sealed(payload, message_of(stranger), now + milliseconds(1)), now),
+  const Octets late = sealed(payload, message_of(of_eps));
+  ASSERT_EQ(timing_node.judge(sealed(payload, message_of(of_eps)), now), Verdict::member);
+  EXPECT_EQ(timing_node.judge(sealed(payload, message_of(of_eps_later), now + milliseconds(1)), now),
             Verdict::stale)
       << "not by turns";
   const MonotonicTime restarted = now + seconds(2);
-  EXPECT_EQ(timing_node.judge(sealed(payload, message_of(stranger), restarted), restarted), Verdict::member);
-  EXPECT_EQ(timing_node.limit_of(stranger), "payload_eps");
-  EXPECT_EQ(timing_node.limit_of(timing), std::nullopt);
+  EXPECT_EQ(timing_node.judge(sealed(payload, message_of(of_eps_later), restarted), restarted),
+            Verdict::member);
+  EXPECT_EQ(timing_node.limit_of(of_eps_later), "payload_eps");
+  EXPECT_EQ(timing_node.limit_of(of_eps), std::nullopt);
   EXPECT_EQ(timing_node.judge(late, restarted), Verdict::stale);
 }
 
@@ -411,9 +467,15 @@ TEST(DatagramSeal, AMemberThatIsAnnouncedAsGoneByAnotherStaysWhatItWas) {
   Process timing_node(key);
   Process switcher(key);
   Process payload(limited("payload_eps"));
-  ASSERT_EQ(switcher.judge(sealed(payload, message_of(stranger)), now), Verdict::member);
-  EXPECT_EQ(switcher.judge(sealed(timing_node, message_of(stranger)), now), Verdict::member);
-  EXPECT_EQ(switcher.limit_of(stranger), "payload_eps");
+  ASSERT_EQ(switcher.judge(sealed(payload, message_of(of_eps)), now), Verdict::member);
+  const MonotonicTime later = now + milliseconds(1);
+  EXPECT_EQ(switcher.judge(sealed(timing_node, message_of(of_eps), later), later), Verdict::member);
+  EXPECT_EQ(switcher.limit_of(of_eps), "payload_eps");
+  Process restarted(key);
+  EXPECT_EQ(restarted.judge(sealed(timing_node, message_of(of_eps), later), later), Verdict::member);
+  EXPECT_EQ(restarted.limit_of(of_eps), std::nullopt) << "not one that all believe";
+  EXPECT_EQ(restarted.judge(sealed(payload, message_of(of_eps), later), later), Verdict::member);
+  EXPECT_EQ(restarted.limit_of(of_eps), "payload_eps");
 }
 
 TEST(DatagramSeal, AKeyIsNotThrownAwayBecauseItCannotBeReadNow) {
@@ -436,13 +498,12 @@ TEST(DatagramSeal, AfterTheSuitesKeyWasMadeAnewALimitedMemberIsKnownByEither) {
   SealKeys on_disk{key};
   Process timing_node(key, [&] { return std::optional(on_disk); });
   Process payload(limited("payload_eps"));
-  ASSERT_EQ(timing_node.judge(sealed(payload, message_of(stranger)), now), Verdict::member);
+  ASSERT_EQ(timing_node.judge(sealed(payload, message_of(of_eps)), now), Verdict::member);
   on_disk = SealKeys{other_key};
   Process restarted(
       SealKeys{limited_seal_key(other_key, "payload_eps"), "payload_eps", seal_key_among_limited(other_key)});
   const MonotonicTime later = now + seconds(5);
-  GuidPrefix again = stranger;
-  again[11] = 99;
+  const GuidPrefix again = of_eps_later;
   EXPECT_EQ(timing_node.judge(sealed(restarted, message_of(again), later), later), Verdict::member);
   EXPECT_EQ(timing_node.limit_of(again), "payload_eps");
   EXPECT_EQ(restarted.judge(sealed(timing_node, message_of(timing), later), later), Verdict::member);

@@ -149,6 +149,17 @@ TEST_F(CommandKeys, AnUplinkedNodeSealsByAKeyOfItsOwn) {
   EXPECT_FALSE(seal_keys(var_, "payload_adcs")) << "which is not uplinked waits for the suite's";
 }
 
+/// All that ran before have the key that was lost: with another one they would be foreign to each other.
+TEST_F(CommandKeys, ANodeThatRunsFillsNoFolderThatWasRemoved) {
+  const ros::SealKeys suite{suite_seal_key(var_).value()};
+  EXPECT_EQ(find_seal_keys(var_, "timing"), std::optional(suite));
+  std::filesystem::remove_all(order_keys(var_));
+  EXPECT_EQ(find_seal_keys(var_, "timing"), std::nullopt);
+  EXPECT_FALSE(std::filesystem::exists(order_keys(var_)));
+  EXPECT_EQ(suite_seal_key(var_, suite.key).value(), suite.key) << "ttc writes it again";
+  EXPECT_EQ(find_seal_keys(var_, "timing"), std::optional(suite));
+}
+
 TEST_F(CommandKeys, ANodeThatIsUplinkedNoMoreLosesItsOwnSeal) {
   ASSERT_TRUE(hand_out_seal_key(var_, "payload_eps", true));
   EXPECT_TRUE(std::filesystem::exists(order_keys(var_) / "of_payload_eps/seal_key"));
