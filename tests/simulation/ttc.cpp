@@ -319,6 +319,10 @@ void Ttc::carry_out(const WriteKeys& action) {
   core_->on_keys_written(action.change, true, host_.now());
 }
 
+void Ttc::carry_out(const WriteSessionKeys& action) {
+  core_->on_session_keys_written(action.change, true, host_.now());
+}
+
 /// There is no srfs_rescue here: the computer restarts, and the suite with it.
 void Ttc::carry_out(const WriteRescueEntry& action) {
   core_->on_rescue_entry_written(action.entry, true);

@@ -115,6 +115,7 @@ class Ttc final : public Program {
   void carry_out(const WriteJournal& action);
   void carry_out(const WriteState& action);
   void carry_out(const WriteKeys& action);
+  void carry_out(const WriteSessionKeys& action);
   void carry_out(const WriteRescueEntry& action);
   void carry_out(const WriteTable& action);
   void carry_out(const CopyLinkState& action);

@@ -16,7 +16,7 @@ constexpr std::array modes{"nominal", "low_power", "commissioning", "pass"};
 constexpr std::size_t nodes = 9;
 constexpr nanoseconds limit = seconds(5);  ///< from the cause to safe
 constexpr nanoseconds step = milliseconds(20);
-constexpr seconds command_loss{30};
+constexpr seconds loss_time{30};
 constexpr unsigned shed_loads = 0b1100;  ///< camera and transmitter
 
 enum class Cause : std::uint8_t {
@@ -34,7 +34,7 @@ SpacecraftSettings settings_for(Cause cause) {
   SpacecraftSettings settings;
   settings.modes.lost = seconds(5);  // as launch_config/sim_mission.yaml has them
   settings.modes.silence = seconds(10);
-  if (cause == Cause::command_loss) settings.command_loss = command_loss;
+  if (cause == Cause::command_loss) settings.command_loss = loss_time;
   return settings;
 }
 
@@ -118,7 +118,7 @@ class Flight {
     const Lane source = cause_ == Cause::battery ? Lane::payload_eps : Lane::payload_adcs;
     if (cause_ == Cause::node_lost || (measured && !has_bus())) return modes_flown.lost;
     if (measured && is_dead(source)) return modes_flown.causes.front().stale;
-    if (cause_ == Cause::command_loss) return command_loss - (kernel_.now() - last_order_);
+    if (cause_ == Cause::command_loss) return loss_time - (kernel_.now() - last_order_);
     return nanoseconds(0);
   }
 
