@@ -21,7 +21,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
     return 0;
   }
   const std::string_view text(reinterpret_cast<const char*>(rest.data()), rest.size());
-  static_cast<void>(parse_udp_address(text));
+  static_cast<void>(parse_internet_address(text));
   const auto steps = parse_script(text, [](const auto&, const auto&) { return std::nullopt; });
   if (!steps) return 0;
   if (steps->size() > script_lines_max) std::abort();
