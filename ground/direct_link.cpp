@@ -53,7 +53,10 @@ Result<wire::RequestId, OrderError> DirectLink::send(const TelecommandOrder& ord
   if (order.ad) {
     auto made = uplink_now().make_packet(order.command);
     if (!made) return refused(made.error());
-    if (made_ && !made_(order, made->request, false)) return unrecorded();
+    if (made_ && !made_(order, made->request, false)) {
+      unsent_(order);
+      return unrecorded();
+    }
     if (!ad_.request(order.number, std::move(made->packet), monotonic_now())) {
       unsent_(order);
       return refused("too many telecommands are waiting for the AD service");
@@ -62,7 +65,10 @@ Result<wire::RequestId, OrderError> DirectLink::send(const TelecommandOrder& ord
   }
   const auto telecommand = uplink_now().make(order.command, order.keys);
   if (!telecommand) return refused(telecommand.error());
-  if (made_ && !made_(order, telecommand->request, false)) return unrecorded();
+  if (made_ && !made_(order, telecommand->request, false)) {
+    unsent_(order);
+    return unrecorded();
+  }
   if (const auto written = write_line(telecommand->cltu); !written) {
     unsent_(order);
     return refused(written.error());

@@ -32,7 +32,8 @@ class DirectLink final : public StationLink {
   /// @return false: it was not recorded and is not sent without
   using Made = std::function<bool(const TelecommandOrder&, const wire::RequestId&, bool scheduled)>;
   void set_made_output(Made made) { made_ = std::move(made); }
-  /// Each of them that was refused behind that: nothing of it went up.
+  /// Each of them that was refused then or behind that: nothing of it went up. Also when it was not recorded:
+  /// a database whose answer was late may have recorded it.
   using Unsent = std::function<void(const TelecommandOrder&)>;
   void set_unsent_output(Unsent unsent) { unsent_ = std::move(unsent); }
   /// Octets for the line as they are.

@@ -175,7 +175,8 @@ std::optional<nlohmann::json> ServerConnection::receive_reply(std::uint64_t call
 Result<nlohmann::json, OrderError> ServerConnection::call(nlohmann::json message, int servers_max) {
   const std::uint64_t number = next_call_++;
   message["call"] = number;
-  message["recorded_alone"] = servers_max > 1;
+  const bool strict = message.value("recorded_alone", false);
+  message["recorded_alone"] = strict || servers_max > 1;
   bool perhaps_done = false;
   for (int servers = 0; servers < servers_max; ++servers) {
     if (const auto handed = hand_over(serve::text_of(message)); !handed)
@@ -183,8 +184,11 @@ Result<nlohmann::json, OrderError> ServerConnection::call(nlohmann::json message
     auto reply = receive_reply(number);
     const bool repeatable = message["recorded_alone"].get<bool>();
     if (reply && repeatable && reply->value("unrecorded", false)) {
-      // The archive fails: the order goes up without a record. No other server could know of it then.
+      if (strict) return refused(text(*reply, "error") + "; it was not sent");
+      // The archive fails: the order goes up without a record. No other server could know of it then. Its
+      // token is another one: the database may have recorded the first attempt, and said so too late.
       message["recorded_alone"] = false;
+      if (message.contains("token")) message["token"] = message["token"].get<std::string>() + "-unrecorded";
       servers_max = servers + 2;
       continue;
     }
@@ -254,6 +258,7 @@ Result<wire::RequestId, OrderError> ServedLink::send(const TelecommandOrder& ord
   message["number"] = order.number;
   message["ad"] = order.ad;
   message["token"] = order.token.empty() ? new_token() : order.token;
+  message["recorded_alone"] = order.recorded_alone;
   if (order.again) message["again"] = true;
   const auto reply = call(std::move(message), servers_of_a_telecommand);
   if (!reply && reply.error().is_unknown())

@@ -48,7 +48,8 @@ class ServerConnection {
   /// Waits for the reply, and for a server if there is none, but not longer than reply_patience each.
   /// @param servers_max  more than 1: an order with a token. It is repeated when a server with an archive
   ///                     ended before it answered: the next one knows by the token whether it was done. One
-  ///                     that the archive cannot record is given to the server once more, and to no other
+  ///                     that the archive cannot record is given to the server once more, and to no other. Of
+  ///                     a message with "recorded_alone" it is refused
   [[nodiscard]] Result<nlohmann::json, OrderError> call(nlohmann::json message, int servers_max = 1);
 
   /// Looks for a server again, if there is none. @return an error when that has taken too long

@@ -54,16 +54,17 @@ void Station::tell_stage_of_other(StageReport report) {
 Result<wire::RequestId, OrderError> Station::send(const std::string& command,
                                                   const std::vector<std::string>& arguments,
                                                   std::optional<milliseconds> patience, std::uint64_t tag,
-                                                  const std::string& token, bool again) {
+                                                  const std::string& token, bool again, bool recorded_alone) {
   const auto encoded = dictionary_.encode(command, arguments);
   if (!encoded) return refused(encoded.error().message);
-  return dispatch(*encoded, arguments, patience, tag, token, again, std::nullopt);
+  return dispatch(*encoded, arguments, patience, tag, token, again, recorded_alone, std::nullopt);
 }
 
 Result<wire::RequestId, OrderError> Station::send_at(UtcTime release, const std::string& command,
                                                      const std::vector<std::string>& arguments,
                                                      std::optional<milliseconds> patience, std::uint64_t tag,
-                                                     const std::string& token, bool again) {
+                                                     const std::string& token, bool again,
+                                                     bool recorded_alone) {
   const auto encoded = dictionary_.encode(command, arguments);
   if (!encoded) return refused(encoded.error().message);
   const auto made = link_->make_packet({.command = *encoded, .arguments = arguments});
@@ -76,7 +77,7 @@ Result<wire::RequestId, OrderError> Station::send_at(UtcTime release, const std:
   const auto left = std::chrono::ceil<milliseconds>(release - system_utc_now());
   const milliseconds wait =
       std::max(left, milliseconds(0)) + patience.value_or(encoded->command->timeout + report_margin);
-  return dispatch(*insertion, inserted, std::nullopt, tag, token, again,
+  return dispatch(*insertion, inserted, std::nullopt, tag, token, again, recorded_alone,
                   Scheduled{made->request, encoded->command, wait});
 }
 
@@ -102,6 +103,7 @@ Result<wire::RequestId, OrderError> Station::dispatch(const mission::EncodedComm
                                                       const std::vector<std::string>& arguments,
                                                       std::optional<milliseconds> patience, std::uint64_t tag,
                                                       const std::string& token, bool again,
+                                                      bool recorded_alone,
                                                       const std::optional<Scheduled>& scheduled) {
   const bool retrieves = encoded.command->service == mission::StorageRetrieve::service &&
                          encoded.command->subtype == mission::StorageRetrieve::subtype;
@@ -122,6 +124,7 @@ Result<wire::RequestId, OrderError> Station::dispatch(const mission::EncodedComm
                                     .number = number,
                                     .ad = by_ad,
                                     .token = token,
+                                    .recorded_alone = recorded_alone,
                                     .again = again});
   if (request) {
     const MonotonicTime now = monotonic_now();

@@ -52,23 +52,23 @@ class Station {
   /// @param tag the caller's own, comes back in every report
   /// @param token  unique: an order whose answer was lost is repeated with it, and not sent again; empty: one
   /// of the link's own
-  /// @param again  as TelecommandOrder::again
+  /// @param again, recorded_alone  as of TelecommandOrder
   /// @return an error of Kind::unknown has no stages
   [[nodiscard]] Result<wire::RequestId, OrderError> send(const std::string& command,
                                                          const std::vector<std::string>& arguments,
                                                          std::optional<milliseconds> patience,
                                                          std::uint64_t tag, const std::string& token = "",
-                                                         bool again = false);
+                                                         bool again = false, bool recorded_alone = false);
   /// The same for a telecommand that the spacecraft releases at @p release: it goes up in an insertion into
   /// the schedule (11,4), whose stages come first, marked as such. Then its own: scheduled, and from its
   /// release on as of any other.
   /// @param patience from the release on
-  /// @param token of the insertion
+  /// @param token, again, recorded_alone  of the insertion
   [[nodiscard]] Result<wire::RequestId, OrderError> send_at(UtcTime release, const std::string& command,
                                                             const std::vector<std::string>& arguments,
                                                             std::optional<milliseconds> patience,
                                                             std::uint64_t tag, const std::string& token = "",
-                                                            bool again = false);
+                                                            bool again = false, bool recorded_alone = false);
   /// Sends what arms a hazardous telecommand with these arguments (see arming_of); as send, with @p release
   /// as send_at.
   [[nodiscard]] Result<wire::RequestId, OrderError> arm(const std::string& command,
@@ -126,7 +126,7 @@ class Station {
                                                              const std::vector<std::string>& arguments,
                                                              std::optional<milliseconds> patience,
                                                              std::uint64_t tag, const std::string& token,
-                                                             bool again,
+                                                             bool again, bool recorded_alone,
                                                              const std::optional<Scheduled>& scheduled);
   void follow(const wire::RequestId& insertion, const std::optional<Scheduled>& scheduled, std::uint64_t tag,
               MonotonicTime now);

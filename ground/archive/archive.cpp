@@ -231,6 +231,7 @@ class SqlArchive final : public Archive {
   std::map<std::string, std::unique_ptr<Statement>, std::less<>> statements_;
   int known_ = 0;  ///< connection of which the state here is
   bool in_transaction_ = false;
+  bool must_sync_ = false;  ///< a telecommand is in it, which goes up behind the commit
   /// Why nothing can be written until the next commit(): what is away is waited for once in a turn.
   std::optional<std::string> away_;
   Memory now_;
@@ -310,6 +311,7 @@ Result<std::optional<std::int64_t>, std::string> SqlArchive::insert(const std::s
 void SqlArchive::roll_back() {
   database_->roll_back();
   in_transaction_ = false;
+  must_sync_ = false;
   now_ = committed_;
   changed_.clear();
   pass_changed_ = false;
@@ -516,7 +518,7 @@ Archive::Outcome SqlArchive::link_report(const wire::TmPacket& packet, std::int6
 }
 
 Archive::Outcome SqlArchive::add(const TelecommandEntry& telecommand) {
-  return write(
+  const auto written = write(
       "INSERT INTO telecommands(token, request, sent, who, name, arguments, ad, scheduled) "
       "VALUES(?,?,?,?,?,?,?,?)",
       [&](Statement& s) {
@@ -526,6 +528,8 @@ Archive::Outcome SqlArchive::add(const TelecommandEntry& telecommand) {
         s.bind(4, telecommand.who).bind(5, telecommand.name).bind(6, arguments);
         s.bind(7, std::int64_t{telecommand.ad}).bind(8, std::int64_t{telecommand.scheduled});
       });
+  if (written) must_sync_ = true;
+  return written;
 }
 
 Archive::Outcome SqlArchive::add(const FileEntry& file) {
@@ -580,6 +584,8 @@ Result<bool, std::string> SqlArchive::commit() {
   }
   in_transaction_ = false;
   committed_ = now_;
+  if (!std::exchange(must_sync_, false)) return true;
+  if (const auto synced = database_->sync(); !synced) return Err(text_of(synced.error()));
   return true;
 }
 
@@ -1122,7 +1128,7 @@ Result<std::unique_ptr<Archive>, std::string> open_sqlite(const ArchivePlace& pl
     std::filesystem::permissions(
         file, std::filesystem::perms::owner_read | std::filesystem::perms::owner_write, error);
     // NORMAL: a process may be killed anywhere; a power failure may cost the last transactions, never the
-    // file.
+    // file. The commit of a telecommand is synced by itself.
     const auto set =
         (*database)->run("PRAGMA journal_mode=WAL;PRAGMA synchronous=NORMAL;PRAGMA cache_size=-8000");
     if (!set)

@@ -123,7 +123,8 @@ class Archive {
   Archive(const Archive&) = delete;
   Archive& operator=(const Archive&) = delete;
 
-  // Writing. What is added is in the archive, whatever happens to the process, when commit() has returned.
+  // Writing. What is added is in the archive, whatever happens to the process, when commit() has returned;
+  // a telecommand also after a power failure.
   /// Live and retrieved copies of a packet are one. @return its number when it is new; 0: it was there
   [[nodiscard]] virtual Result<std::int64_t, std::string> add(const ReceivedPacket& packet,
                                                               UtcTime received) = 0;

@@ -68,6 +68,8 @@ class Database {
   /// An error: what was written since begin() is lost, or the connection was, and nobody knows.
   [[nodiscard]] virtual Result<void, DatabaseError> commit() = 0;
   virtual void roll_back() = 0;
+  /// What is committed survives a power failure when this returns; a PostgreSQL has seen to it in commit().
+  [[nodiscard]] virtual Result<void, DatabaseError> sync() { return {}; }
 
   /// Which connection this is: another one after the first was lost.
   [[nodiscard]] virtual int connection() const = 0;

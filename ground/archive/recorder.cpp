@@ -107,7 +107,14 @@ Archive::Outcome Recorder::on_telecommand(const TelecommandOrder& order, const w
 
 void Recorder::on_not_sent(const std::string& token) {
   auto outcome = archive_->forget_token(token);
-  if (outcome) outcome = commit_all();
+  if (outcome) {
+    // Perhaps there was nothing to forget: it does not say that the archive works again.
+    const auto committed = archive_->commit();
+    if (committed)
+      pending_ = 0;
+    else
+      outcome = Err(committed.error());
+  }
   judge(outcome);
 }
 

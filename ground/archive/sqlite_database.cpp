@@ -101,6 +101,16 @@ Result<void, DatabaseError> SqliteDatabase::run(const std::string& sql) {
   return {};
 }
 
+/// As synchronous=FULL does it behind each commit: the octets of the write-ahead log are on the medium.
+Result<void, DatabaseError> SqliteDatabase::sync() {
+  sqlite3_file* log = nullptr;
+  int code = sqlite3_file_control(database_.get(), "main", SQLITE_FCNTL_JOURNAL_POINTER, &log);
+  if (code == SQLITE_OK && log != nullptr && log->pMethods != nullptr)
+    code = log->pMethods->xSync(log, SQLITE_SYNC_NORMAL);
+  if (code != SQLITE_OK) return Err(DatabaseError{code, sqlite3_errstr(code)});
+  return {};
+}
+
 Result<std::unique_ptr<Statement>, DatabaseError> SqliteDatabase::prepare(std::string_view sql) {
   sqlite3_stmt* statement = nullptr;
   const int code =

@@ -32,6 +32,7 @@ class SqliteDatabase final : public Database {
   Result<void, DatabaseError> begin() override { return run("BEGIN IMMEDIATE"); }
   Result<void, DatabaseError> commit() override { return run("COMMIT"); }
   void roll_back() override;
+  Result<void, DatabaseError> sync() override;
   int connection() const override { return 1; }
   bool is_shared() const override { return false; }
   Result<std::vector<std::string>, DatabaseError> damage() override;

@@ -50,6 +50,9 @@ DownlinkCounters since(const DownlinkCounters& before, DownlinkCounters now) {
   now.octets -= before.octets;
   now.frames -= before.frames;
   now.bad_frames -= before.bad_frames;
+  now.forged_frames -= before.forged_frames;
+  now.replayed_frames -= before.replayed_frames;
+  now.old_frames -= before.old_frames;
   return now;
 }
 
@@ -182,6 +185,13 @@ std::vector<Finding> assess_link(const LinkFacts& facts) {
   if (c.octets == 0)
     return {Finding{Level::act, "nothing came from the line",
                     "check pointing, receiver, cable and --port; in which minute does it rise?"}};
+  if (c.frames == 0 && c.forged_frames + c.replayed_frames + c.old_frames > 0)
+    return {Finding{Level::act,
+                    fmt::format("frames came, and none is taken: {} not authentic, {} with used numbers, {} "
+                                "too old",
+                                c.forged_frames, c.replayed_frames, c.old_frames),
+                    "compare keys/tm_downlink.key and this computer's clock; --unverified mark shows them, "
+                    "--frames-from is for a spacecraft that lost its numbers"}};
   if (c.frames == 0)
     return {
         Finding{Level::act, fmt::format("{} octets came, and no frame among them", c.octets),

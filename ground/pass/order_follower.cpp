@@ -55,9 +55,12 @@ void OrderFollower::send(const PassAction& action) {
   const auto timeout = action.step ? action.step->timeout : std::nullopt;
   const auto release =
       action.step && action.step->at ? std::optional(action.step->at->at(system_utc_now())) : std::nullopt;
-  const auto sent =
-      release ? station_.send_at(*release, name, arguments, timeout, action.tag, action.token, action.again)
-              : station_.send(name, arguments, timeout, action.tag, action.token, action.again);
+  // What relies on its record is never sent without one.
+  const bool recorded_alone = !action.token.empty();
+  const auto sent = release ? station_.send_at(*release, name, arguments, timeout, action.tag, action.token,
+                                               action.again, recorded_alone)
+                            : station_.send(name, arguments, timeout, action.tag, action.token, action.again,
+                                            recorded_alone);
   if (sent) return;
   end({.how = sent.error().is_unknown() ? OrderEnd::How::unknown : OrderEnd::How::not_sent,
        .why = sent.error().text});

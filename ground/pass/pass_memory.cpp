@@ -32,6 +32,16 @@ ScriptStep wanted(const std::optional<ScriptStep>& step) {
   return judging;
 }
 
+/// Nothing is sent before packets of the pass came: an archive that knows none from before is another one, or
+/// was pruned.
+LookedUp not_found(Archive& archive, UtcTime ordered) {
+  const auto before = archive.passes({.from = std::nullopt, .to = ordered});
+  if (!before) return {.what = LookedUp::What::cannot_tell, .why = before.error()};
+  if (before->empty())
+    return {.what = LookedUp::What::cannot_tell, .why = "the archive begins after it was ordered"};
+  return {.what = LookedUp::What::not_recorded};
+}
+
 }  // namespace
 
 LookedUp judge_recorded(const StoredTelecommand& stored, const std::optional<ScriptStep>& step,
@@ -48,7 +58,7 @@ LookedUp judge_recorded(const StoredTelecommand& stored, const std::optional<Scr
 
 Result<Archive*, std::string> PassMemory::opened() {
   if (!archive_) {
-    auto opened = open_archive(file_, ArchiveUse::read);
+    auto opened = open_archive(place_, ArchiveUse::read);
     if (!opened) return Err(opened.error());
     archive_ = std::move(*opened);
   }
@@ -61,7 +71,7 @@ LookedUp PassMemory::look_up(const std::string& token, const std::optional<Scrip
   if (!archive) return {.what = LookedUp::What::cannot_tell, .why = archive.error()};
   const auto request = (*archive)->request_of(token);
   if (!request) return {.what = LookedUp::What::cannot_tell, .why = request.error()};
-  if (!*request) return {.what = LookedUp::What::not_recorded};
+  if (!*request) return not_found(**archive, ordered);
   constexpr std::chrono::hours margin{1};  // the clock of this machine may be set meanwhile
   const auto recorded = (*archive)->telecommands({.from = ordered - margin, .to = std::nullopt}, SIZE_MAX);
   if (!recorded) return {.what = LookedUp::What::cannot_tell, .why = recorded.error()};

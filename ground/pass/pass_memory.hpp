@@ -2,10 +2,10 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
-#include <filesystem>
 #include <memory>
 #include <optional>
 #include <string>
+#include <utility>
 
 #include "ground/archive/archive.hpp"
 #include "ground/pass/pass_session.hpp"
@@ -20,9 +20,10 @@ namespace srfs::ground::pass {
 /// What the archive of a server knows of a plan. Reads the disk.
 class PassMemory {
  public:
-  PassMemory(const mission::Dictionary& dictionary, std::filesystem::path archive)
-      : dictionary_(dictionary), file_(std::move(archive)) {}
+  PassMemory(const mission::Dictionary& dictionary, ArchivePlace archive)
+      : dictionary_(dictionary), place_(std::move(archive)) {}
 
+  /// What is not recorded was not sent, provided that the archive reaches back to the order.
   /// @param ordered  when, by the clock of this machine
   [[nodiscard]] LookedUp look_up(const std::string& token, const std::optional<ScriptStep>& step,
                                  UtcTime ordered);
@@ -33,7 +34,7 @@ class PassMemory {
   [[nodiscard]] Result<Archive*, std::string> opened();
 
   const mission::Dictionary& dictionary_;
-  std::filesystem::path file_;
+  ArchivePlace place_;
   std::unique_ptr<Archive> archive_;
 };
 

@@ -17,6 +17,7 @@
 #include "ground/time_tag.hpp"
 #include "wire/cadu.hpp"
 #include "wire/tm_frame.hpp"
+#include "wire/tm_sdls.hpp"
 
 namespace srfs::ground::pass {
 namespace {
@@ -246,8 +247,10 @@ LineRates useful_rates(const PassPlan& plan, const suite::LinkSettings& link,
                               .reed_solomon = link.tm_reed_solomon,
                               .interleave = static_cast<unsigned>(link.tm_interleave),
                               .randomize = link.tm_randomizer};
-  const double frame_share = static_cast<double>(cadu.frame_octets - wire::tm_frame_overhead_octets) /
-                             static_cast<double>(wire::cadu_octets(cadu));
+  const std::size_t overhead_octets =
+      wire::tm_frame_overhead_octets + (link.tm_security ? wire::tm_sdls_overhead_octets : 0);
+  const double frame_share =
+      static_cast<double>(cadu.frame_octets - overhead_octets) / static_cast<double>(wire::cadu_octets(cadu));
   double live_octets_s = 0;
   for (const auto& structure : dictionary.structures()) {
     if (structure.kind != mission::StructureKind::housekeeping || structure.interval.count() <= 0) continue;

@@ -35,8 +35,8 @@ struct RunEnd {
 class PassRunner {
  public:
   struct Place {
-    std::filesystem::path files;    ///< STATE/files
-    std::filesystem::path archive;  ///< of the server
+    std::filesystem::path files;  ///< STATE/files
+    ArchivePlace archive;         ///< of the server
   };
   PassRunner(const mission::Dictionary& dictionary, const PassPlan& plan, std::unique_ptr<StationLink> link,
              Place place, RunnerOutput output);

@@ -3,6 +3,7 @@
 #include "ground/pass/pass_session.hpp"
 
 #include <algorithm>
+#include <string_view>
 
 #include <fmt/format.h>
 
@@ -14,6 +15,8 @@
 
 namespace srfs::ground::pass {
 namespace {
+
+constexpr std::string_view unrecorded_prefix = "alone";  ///< of tokens that no archive can know
 
 TelecommandText listing_of(const std::string& folder, const std::string& after) {
   TelecommandText text{.name = "file.list", .arguments = {"repository=" + folder}};
@@ -62,8 +65,10 @@ PassAction PassSession::order(Purpose purpose, TelecommandText telecommand, std:
 }
 
 std::optional<PassAction> PassSession::next(MonotonicTime now, UtcTime utc) {
-  if (current_ || over(now) || (resting_until_ && now < *resting_until_)) return std::nullopt;
-  if (now >= set_ - closing) return close();
+  const bool closes = now >= set_ - closing;
+  if (closes) stop_following();
+  if (current_ || over(now) || (!closes && resting_until_ && now < *resting_until_)) return std::nullopt;
+  if (closes) return close();
   if (!contact_ || suspended_ || questions_asked_ < settings_.first_questions.size())
     return next_of_contact();
   if (auto action = next_put(utc)) return action;
@@ -88,7 +93,8 @@ std::optional<PassAction> PassSession::next_query() {
   return std::nullopt;
 }
 
-/// The first line that is not over. It holds back those behind it while its end is open.
+/// The first line that is to be done. One whose end is open, or not as wanted, holds back those behind it;
+/// with keep_going only a wait does.
 std::optional<PassAction> PassSession::next_of_script(MonotonicTime now, UtcTime utc) {
   for (std::size_t i = 0; i < items_.size(); ++i) {
     const Item& item = items_[i];
@@ -113,7 +119,7 @@ std::optional<PassAction> PassSession::next_of_line(std::size_t i, MonotonicTime
   }
   if (!may_try(i)) return std::nullopt;
   if (item.state == ItemState::waiting) return send_line(i, utc);
-  if (!settings_.remembers) {
+  if (!settings_.remembers || item.token.starts_with(unrecorded_prefix)) {
     set(item, ItemState::unknown, "perhaps sent: the run ended meanwhile, and no server remembers it", utc);
     return std::nullopt;
   }
@@ -131,7 +137,9 @@ std::optional<PassAction> PassSession::next_of_line(std::size_t i, MonotonicTime
 std::optional<PassAction> PassSession::send_line(std::size_t i, UtcTime utc) {
   Item& item = items_[i];
   const bool again = !item.token.empty();
-  item.token = fmt::format("pass-{}-{}", plan_.name, item.key);
+  // A later run with an archive sees that none knew of this one.
+  item.token =
+      fmt::format("{}-{}-{}", settings_.remembers ? "pass" : unrecorded_prefix, plan_.name, item.key);
   set(item, ItemState::ordered, "being sent", utc);
   PassAction action = order(Purpose::script, item.telecommand, i);
   action.step = item.step;
@@ -197,6 +205,14 @@ std::optional<PassAction> PassSession::next_copy(MonotonicTime now, UtcTime utc)
                      "source_file=" + name, "target_repository=ground:" + split(target_of(plan_, item)).first,
                      "target_file=" + split(target_of(plan_, item)).second}},
       *chosen);
+}
+
+/// A telecommand under way does not keep copies from being suspended in time. Its end is not waited for: it
+/// is as if the program had ended.
+void PassSession::stop_following() {
+  if (!current_ || current_->purpose == Purpose::suspend) return;
+  if (current_->purpose == Purpose::copy) copying_.try_emplace(current_->item, 0);  // perhaps it has begun
+  if (contact_ && must_suspend_ && !copying_.empty()) current_.reset();
 }
 
 /// What is under way on board rests until the next pass: its octets would go to where no one hears them.

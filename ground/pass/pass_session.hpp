@@ -155,6 +155,7 @@ class PassSession {
   [[nodiscard]] std::optional<PassAction> next_gaps();
   [[nodiscard]] std::optional<PassAction> next_listing();
   [[nodiscard]] std::optional<PassAction> next_copy(MonotonicTime now, UtcTime utc);
+  void stop_following();
   [[nodiscard]] std::optional<PassAction> close();
   void on_lost(MonotonicTime now);
   void end_query(std::size_t item, const OrderEnd& end, UtcTime utc);

@@ -18,10 +18,12 @@ namespace srfs::ground::pass {
 
 /// Takes what a program says.
 using Said = std::function<void(std::string_view)>;
-/// Runs a program to its end, at most @p patience long; then it is killed. @return its exit code; the error
-/// is ready to print
+/// Whether there is something to read. @param stop  as of termination_signals(), or -1: never
+[[nodiscard]] bool is_stopped(int stop);
+/// Runs a program to its end, at most @p patience long, or until @p stop is readable; then it is killed.
+/// @return its exit code; the error is ready to print
 [[nodiscard]] Result<int, std::string> run_program(const std::vector<std::string>& command,
-                                                   nanoseconds patience, const Said& said);
+                                                   nanoseconds patience, const Said& said, int stop);
 
 /// A simulated spacecraft with its suite, in a folder of its own, for a rehearsal. It ends with the object.
 class Rehearsal {
@@ -29,10 +31,11 @@ class Rehearsal {
   /// Starts hw_sim and the suite. Blocks until all nodes that flight needs are up, for some minutes at most.
   /// @param programs  folder of hw_sim and srfs
   /// @param var  made; nothing may run there
+  /// @param stop  when it is readable, what was started ends
   /// @return the error is ready to print
   [[nodiscard]] static Result<Rehearsal, std::string> start(const std::filesystem::path& programs,
                                                             const std::string& deployment,
-                                                            const std::filesystem::path& var);
+                                                            const std::filesystem::path& var, int stop);
   Rehearsal(Rehearsal&& other) noexcept
       : programs_(std::move(other.programs_)),
         options_(std::move(other.options_)),

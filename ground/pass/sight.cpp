@@ -22,14 +22,20 @@ double curvature_km(double latitude_rad) {
   return equator_km / std::sqrt(1 - eccentricity2 * std::pow(std::sin(latitude_rad), 2));
 }
 
+/// @param angle from a full turn below 0. @return 0 to below the turn, which a sum with a tiny negative angle
+/// would be rounded to
+double positive(double angle, double turn) {
+  const double sum = angle < 0 ? angle + turn : angle;
+  return sum < turn ? sum : 0;
+}
+
 }  // namespace
 
 double sidereal_time_rad(UtcTime ut1) {
   const double t = std::chrono::duration<double>(ut1 - j2000).count() / century_s;
   const double time_s =
       67310.54841 + (876600.0 * 3600 + 8640184.812866) * t + 0.093104 * t * t - 6.2e-6 * t * t * t;
-  const double angle = std::fmod(time_s / 86400 * full_turn, full_turn);
-  return angle < 0 ? angle + full_turn : angle;
+  return positive(std::fmod(time_s / 86400 * full_turn, full_turn), full_turn);
 }
 
 Vector to_earth_fixed(const Vector& teme_km, UtcTime utc) {
@@ -69,8 +75,7 @@ Sight sight_of(const Vector& earth_fixed_km, const Geodetic& station) {
   const double east = std::cos(longitude) * d[1] - std::sin(longitude) * d[0];
   const double north = std::cos(latitude) * d[2] - std::sin(latitude) * out;
   const double up = std::cos(latitude) * out + std::sin(latitude) * d[2];
-  const double azimuth = std::atan2(east, north) / radian;
-  return {.azimuth_deg = azimuth < 0 ? azimuth + 360 : azimuth,
+  return {.azimuth_deg = positive(std::atan2(east, north) / radian, 360),
           .elevation_deg = std::atan2(up, std::hypot(east, north)) / radian,
           .range_km = std::hypot(up, std::hypot(east, north))};
 }

@@ -192,6 +192,12 @@ Result<Port, std::string> open_port(const Operation& operation, const suite::Lin
   return opener->open(connection_patience);
 }
 
+/// Whether the operator says which TM frames are taken.
+bool says_which_frames(const Arguments& a) {
+  return a.unverified != "drop" || !a.frames_from.empty() ||
+         seconds(a.frame_age_s) != FrameTrustOptions{}.age_max;
+}
+
 }  // namespace
 
 Result<std::unique_ptr<StationLink>, std::string> open_link(const Operation& operation,
@@ -205,6 +211,9 @@ Result<std::unique_ptr<StationLink>, std::string> open_link(const Operation& ope
                                 {"transmissions", fop.transmission_limit}};
     if (operation.arguments.ad && (*server)->welcome().value("ad", wanted) != wanted)
       warn(operation.arguments, "a server owns the line: its --window, --t1 and --transmissions count");
+    if (says_which_frames(operation.arguments))
+      warn(operation.arguments,
+           "a server owns the line: its --unverified, --frame-age and --frames-from count");
     return std::make_unique<ServedLink>(std::move(**server), files);
   }
   auto port = open_port(operation, link);

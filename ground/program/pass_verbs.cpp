@@ -179,10 +179,9 @@ Exit fly(const Operation& operation, Opened& opened, nanoseconds length) {
   const Arguments& a = operation.arguments;
   auto link = open_link(operation, link_of(a), true);
   if (!link) return fail(a, link.error());
-  pass::PassRunner runner(
-      operation.dictionary, opened.plan, std::move(*link),
-      {.files = operation.state_dir / "files", .archive = operation.state_dir / archive_name},
-      runner_output(a));
+  pass::PassRunner runner(operation.dictionary, opened.plan, std::move(*link),
+                          {.files = operation.state_dir / "files", .archive = archive_place(operation)},
+                          runner_output(a));
   const auto end = runner.run(opened.file, opened.journal, opened.rates, a.pass.keep_going, length);
   write_findings(a, pass::assess_spacecraft(runner.latest(), system_utc_now()), end.contact);
   if (end.how == pass::RunEnd::How::not_stored) return fail(a, end.why);
@@ -198,16 +197,17 @@ Exit fly(const Operation& operation, Opened& opened, nanoseconds length) {
 
 /// One pass of a rehearsal, by this program itself on the simulated line. @return its exit code
 Result<int, std::string> rehearse_pass(const Operation& operation, const std::filesystem::path& var,
-                                       nanoseconds length) {
+                                       nanoseconds length, int stop) {
   const Arguments& a = operation.arguments;
   std::vector<std::string> command{"/proc/self/exe", "--port", (var / "rs422").string(), "--deployment",
                                    a.deployment};
   if (a.json) command.emplace_back("--json");
+  for (const std::string& fragment : a.fragments) command.insert(command.end(), {"--fragment", fragment});
   const double length_s = std::chrono::duration<double>(length).count();
   command.insert(command.end(), {"pass", "run", a.pass.plan, "--duration", fmt::format("{:.3f}", length_s)});
   if (a.pass.keep_going) command.emplace_back("--keep-going");
-  return pass::run_program(command, length + std::chrono::minutes(2),
-                           [](std::string_view said) { print(std::string(said)); });
+  const auto show_said = [](std::string_view said) { print(std::string(said)); };
+  return pass::run_program(command, length + std::chrono::minutes(2), show_said, stop);
 }
 
 /// The coming passes, one after the other, against a simulated spacecraft. Nothing of the plan's own journal
@@ -215,27 +215,36 @@ Result<int, std::string> rehearse_pass(const Operation& operation, const std::fi
 Exit rehearse(const Operation& operation, const PassPlan& plan) {
   const Arguments& a = operation.arguments;
   constexpr std::size_t passes_flown = 3;
-  constexpr double shortest_s = 40;  // the beginning and the end of a pass do not shrink
+  constexpr double shortest_s = 40;          // the beginning and the end of a pass do not shrink
+  const Fd signals = termination_signals();  // what was started is taken down then
+  const int stop = signals.get();
+  const auto end_by = [&a, stop](const std::string& why) {
+    return pass::is_stopped(stop) ? Exit::refused : fail(a, why);
+  };
   const UtcTime now = system_utc_now();
   const auto found = plan.passes(now, now + longest_wait);
   if (!found) return fail(a, found.error());
   if (found->passes.empty()) return fail(a, "no pass in the next 7 days");
+  // Another rehearsal of this plan has its simulated spacecraft in the folder.
+  const auto lock = pass::JournalFile(passes_folder(operation), "rehearsal-" + plan.name).lock();
+  if (!lock) return fail(a, lock.error());
   std::error_code error;
   const auto folder = std::filesystem::absolute(passes_folder(operation), error) / ("rehearsal-" + plan.name);
   std::filesystem::remove_all(folder, error);
   const auto programs = std::filesystem::read_symlink("/proc/self/exe", error).parent_path();
   const auto deployment = find_deployment(a.deployment);
   if (!deployment) return fail(a, deployment.error());
-  const auto simulated = pass::Rehearsal::start(programs, std::filesystem::absolute(*deployment), folder);
-  if (!simulated) return fail(a, simulated.error());
+  const auto simulated =
+      pass::Rehearsal::start(programs, std::filesystem::absolute(*deployment), folder, stop);
+  if (!simulated) return end_by(simulated.error());
   auto exit = Exit::done;
   for (std::size_t i = 0; i < std::min(passes_flown, found->passes.size()); ++i) {
     const double whole_s = std::chrono::duration<double>(found->passes[i].duration()).count();
     const milliseconds length(static_cast<std::int64_t>(1000 * std::max(shortest_s, whole_s / a.pass.scale)));
     print(a.json ? one_line({{"type", "rehearsal_pass"}, {"rise", to_iso8601(found->passes[i].rise, 0)}})
                  : fmt::format("--- rehearsal of the pass of {}\n", to_iso8601(found->passes[i].rise, 0)));
-    const auto code = rehearse_pass(operation, folder, length);
-    if (!code) return fail(a, code.error());
+    const auto code = rehearse_pass(operation, folder, length, stop);
+    if (!code) return end_by(code.error());
     if (*code != 0) exit = static_cast<Exit>(*code);
   }
   return exit;

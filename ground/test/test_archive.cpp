@@ -273,6 +273,16 @@ TEST_P(AnyArchive, KnowsATelecommandByItsToken) {
   EXPECT_EQ(*recorder_->request_of("a"), std::nullopt) << "an order with its token is a new one";
 }
 
+TEST_P(AnyArchive, FailsOnWhenNothingOfAnUnrecordedTelecommandIsToBeForgotten) {
+  break_table("INSERT", "telecommands");
+  const auto encoded = dictionary().encode("eps.switch_load", {"load=2", "state=on"});
+  ASSERT_FALSE(
+      recorder_->on_telecommand({.command = *encoded, .token = "a"}, {0x1811, 0xC005}, false, start));
+  recorder_->on_not_sent("a");
+  EXPECT_THAT(recorder_->problem(), HasSubstr("no room"));
+  EXPECT_EQ(log_.size(), 1U) << "it does not say that it works again";
+}
+
 TEST_P(AnyArchive, SaysThatItDoesNotKnowATelecommandWhenItFails) {
   break_table("INSERT", "telecommands");
   const auto encoded = dictionary().encode("eps.switch_load", {"load=2", "state=on"});

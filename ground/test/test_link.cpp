@@ -536,8 +536,12 @@ TEST_P(DatagramPort, HearsNobodyButTheAddressItNames) {
                      reinterpret_cast<const sockaddr*>(&near), length),
             3);
   send_far({1, 2});
-  wait_near();
-  EXPECT_EQ(port_.read(), (Octets{1, 2}));
+  Octets heard;
+  while (heard.empty() && !HasFatalFailure()) {  // a wake-up may be without a datagram
+    wait_near();
+    heard = port_.read().value();
+  }
+  EXPECT_EQ(heard, (Octets{1, 2}));
   EXPECT_EQ(port_.read(), Octets{});
 }
 

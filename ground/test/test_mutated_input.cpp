@@ -105,7 +105,8 @@ TEST(MutatedInput, OfTheDownlinkEveryFrameIsInOneCounterAndNoneIsBelieved) {
   EXPECT_EQ(counters.frames + counters.forged_frames + counters.replayed_frames + counters.old_frames +
                 (counters.bad_frames - cadus.rejected),
             cadus.frames);
-  const std::uint64_t decided = cadus.frames * wire::cadu_octets(format) + cadus.noise_octets;
+  const std::uint64_t decided =
+      cadus.frames * wire::cadu_octets(format) - cadus.shared_octets + cadus.noise_octets;
   EXPECT_LE(decided, octets);
   EXPECT_GT(decided + 2 * wire::cadu_octets(format), octets) << "the rest waits for its end";
 }

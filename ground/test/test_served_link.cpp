@@ -11,6 +11,7 @@
 
 #include "fake_server.hpp"
 #include "fake_spacecraft.hpp"
+#include "ground/direct_link.hpp"
 #include "ground/files.hpp"
 #include "ground/local_socket.hpp"
 
@@ -250,6 +251,68 @@ TEST_F(Served, OrderThatIsNotRecordedIsSentAllTheSame) {
   command.name = "eps.switch_load";
 
   EXPECT_TRUE(link_->send({.command = {&command, {}}, .number = 1}));
+}
+
+TEST_F(Served, OrderThatIsSentUnrecordedHasAnotherToken) {
+  std::vector<std::string> tokens;
+  connect([&tokens](int, const nlohmann::json& message) -> std::optional<Messages> {
+    if (message["type"] == "hello") return Messages{welcome(AdPhase::off, {}, 0)};
+    tokens.push_back(message["token"].get<std::string>());
+    if (message["recorded_alone"] == true)
+      return Messages{reply_to(message, {{"error", "no answer in time"}, {"unrecorded", true}})};
+    return Messages{reply_to(message, {{"request", serve::to_message(wire::RequestId{0x1811, 0xC001})}})};
+  });
+  mission::Command command;
+  command.name = "eps.switch_load";
+
+  EXPECT_TRUE(link_->send({.command = {&command, {}}, .number = 1, .token = "a"}));
+  server_.reset();
+
+  EXPECT_THAT(tokens, ElementsAre("a", "a-unrecorded"))
+      << "the first attempt may have been recorded, too late";
+}
+
+TEST_F(Served, OrderThatReliesOnItsRecordIsNotSentWithoutOne) {
+  std::atomic<int> sends{0};
+  connect([&sends](int, const nlohmann::json& message) -> std::optional<Messages> {
+    if (message["type"] == "hello") return Messages{welcome(AdPhase::off, {}, 0)};
+    ++sends;
+    if (message["recorded_alone"] == true)
+      return Messages{reply_to(message, {{"error", "no room"}, {"unrecorded", true}})};
+    return Messages{reply_to(message, {{"request", serve::to_message(wire::RequestId{0x1811, 0xC001})}})};
+  });
+  mission::Command command;
+  command.name = "eps.switch_load";
+
+  const auto sent =
+      link_->send({.command = {&command, {}}, .number = 1, .token = "a", .recorded_alone = true});
+
+  ASSERT_FALSE(sent);
+  EXPECT_FALSE(sent.error().is_unknown());
+  EXPECT_EQ(sent.error().text, "no room; it was not sent");
+  EXPECT_EQ(sends, 1);
+}
+
+TEST(DirectLink, ForgetsATelecommandThatWasPerhapsRecordedAndIsNotSent) {
+  const VarFolder var;
+  const auto dictionary = mission::Dictionary::load(std::string(SRFS_SOURCE_DIR) + "/mission");
+  auto uplink = Uplink::open(secured_link(), var.path(), var.path() / "ground", system_utc_now());
+  ASSERT_TRUE(uplink) << uplink.error();
+  DirectLink link(dictionary, secured_link(), Port::closed(var.path() / "rs422"), std::move(*uplink));
+  std::vector<std::string> unsent;
+  link.set_made_output([](const TelecommandOrder&, const wire::RequestId&, bool) { return false; });
+  link.set_unsent_output([&unsent](const TelecommandOrder& order) { unsent.push_back(order.token); });
+  const auto encoded = dictionary.encode("eps.switch_load", {"load=2", "state=on"});
+  ASSERT_TRUE(encoded);
+
+  const auto bd = link.send({.command = *encoded, .token = "a", .recorded_alone = true});
+  const auto ad = link.send({.command = *encoded, .ad = true, .token = "b", .recorded_alone = true});
+
+  ASSERT_FALSE(bd);
+  EXPECT_EQ(bd.error().kind, OrderError::Kind::unrecorded);
+  ASSERT_FALSE(ad);
+  EXPECT_EQ(ad.error().kind, OrderError::Kind::unrecorded);
+  EXPECT_THAT(unsent, ElementsAre("a", "b"));
 }
 
 TEST_F(Served, OrderWithoutAnAnswerStaysUnknownWhenNoServerComesBack) {

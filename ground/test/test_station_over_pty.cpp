@@ -274,7 +274,7 @@ class ProgramOverPty : public ::testing::Test {
   }
   VarFolder var_;
   Pty pty_{var_.path()};
-  FakeSpacecraft spacecraft_{strict_link()};
+  FakeSpacecraft spacecraft_{sealed_link()};
   std::optional<ChildProcess> server_;
 };
 
@@ -860,8 +860,9 @@ TEST_F(ProgramOverPty, SetsTheClockOfAFirstContactOnce) {
 }
 
 TEST_F(ProgramOverPty, SaysHowFarAFirstContactCame) {
-  FakeSpacecraft other(
-      secured_link());  // frames of a link that is not strict: no telecommand is authentic there
+  auto link = sealed_link();
+  link.tc_strict = false;  // no telecommand of a strict link is authentic there
+  FakeSpacecraft other(link);
   std::swap(spacecraft_, other);
   const Run contact = run("first-contact --duration 3");
   EXPECT_EQ(contact.exit_code, 1);

@@ -12,7 +12,7 @@ from datetime import datetime, timedelta, timezone
 from support import BIN, DEADLINE_S, SystemTest
 from test_serve import Server
 
-from srfs.flight.processes import wait_until
+from srfs.flight.processes import processes_of, wait_until
 
 PLAN = """
 plan: short
@@ -133,6 +133,30 @@ class PassTest(SystemTest):
             self.assertEqual(self.report()["flown"], [], "the plan itself is as it was")
             self.assertFalse((self.var / "files/up.bin").exists())
             self.assertTrue(flight.status())
+
+    def test_a_rehearsal_that_is_interrupted_leaves_nothing_running(self):
+        (self.folder / "times.txt").write_text(self.soon())
+        var = self.var / "ground/passes/rehearsal-short"
+        self.var.mkdir(parents=True, exist_ok=True)
+        # While the suite comes up.
+        process = self.program("pass", "run", str(self.plan), "--rehearse")
+        wait_until(lambda: processes_of(var), DEADLINE_S, "the simulated spacecraft runs")
+        second = self.ground_run("pass", "run", str(self.plan), "--rehearse")
+        self.assertEqual(second.returncode, 2, second.stdout + second.stderr)
+        self.assertIn("is being flown by another srfs-ground", second.stderr)
+        self.interrupt(process, var)
+        # In a pass.
+        process = self.program("pass", "run", str(self.plan), "--rehearse")
+        for line in process.stdout:
+            if "rehearsal_pass" in line:
+                break
+        self.interrupt(process, var)
+
+    def interrupt(self, process, var):
+        process.send_signal(signal.SIGINT)
+        said, _ = process.communicate(timeout=DEADLINE_S)
+        self.assertEqual(process.returncode, 1, said)
+        self.assertEqual(processes_of(var), {})
 
     def soon(self):
         rise, end = (datetime.now(timezone.utc) + timedelta(minutes=m) for m in (60, 68))

@@ -120,6 +120,8 @@ TEST(LinkAssessment, SaysWhereTheWayEnds) {
   const auto only = [](const LinkFacts& facts) { return lines(assess_link(facts)).at(0); };
   EXPECT_THAT(only({.counters = {}}), HasSubstr("nothing came from the line"));
   EXPECT_THAT(only({.counters = {.octets = 5000}}), HasSubstr("no frame among them"));
+  EXPECT_THAT(only({.counters = {.octets = 5000, .forged_frames = 3, .replayed_frames = 2, .old_frames = 1}}),
+              HasSubstr("none is taken: 3 not authentic, 2 with used numbers, 1 too old"));
   EXPECT_THAT(only({.counters = {.octets = 5000, .frames = 10}}),
               HasSubstr("neither a beacon nor an answer"));
   EXPECT_THAT(only({.counters = {.octets = 5000, .frames = 10}, .beacon = true}),

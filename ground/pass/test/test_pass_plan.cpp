@@ -8,6 +8,7 @@
 #include "base/config.hpp"
 #include "ground/pass/pass_report.hpp"
 #include "tests/temporary_folder.hpp"
+#include "wire/tm_sdls.hpp"
 
 namespace srfs::ground::pass {
 namespace {
@@ -111,6 +112,13 @@ TEST_F(PassPlanFile, LeavesRoomForCodingAndLiveTelemetry) {
   const LineRates fast = useful_rates(plan, link, dictionary());
   EXPECT_GT(fast.down_octets_s, 0.5 * link.baud / 10);
   EXPECT_LT(fast.down_octets_s, 0.83 * link.baud / 10);
+  suite::LinkSettings sealed = link;
+  sealed.tm_security = suite::TelemetrySecurity{.spi = 16, .key_file = "keys/tm_downlink.key"};
+  const double share_of_seal =
+      static_cast<double>(wire::tm_sdls_overhead_octets) / static_cast<double>(link.tm_frame_length);
+  const double lost = fast.down_octets_s - useful_rates(plan, sealed, dictionary()).down_octets_s;
+  EXPECT_GT(lost, 0.7 * share_of_seal * link.baud / 10) << "each frame has a number and a MAC";
+  EXPECT_LT(lost, share_of_seal * link.baud / 10);
   plan.line.down_octets_s = 10;  // less than the live telemetry
   EXPECT_EQ(useful_rates(plan, link, dictionary()).down_octets_s, 0);
 }

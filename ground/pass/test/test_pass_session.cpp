@@ -325,6 +325,31 @@ TEST(PassSession, WithoutAMemorySendsNothingTwiceAndSaysWhatIsNotKnown) {
   EXPECT_GT(unknown, 10U);
 }
 
+TEST(PassSession, SendsNoLineTwiceWhenEarlierRunsHadNoMemory) {
+  std::size_t unknown = 0;
+  for (unsigned seed = 0; seed < 100; ++seed) {
+    SCOPED_TRACE(seed);
+    const PassPlan plan = plan_of(6, 0, false);
+    World world;
+    world.random.seed(seed);
+    world.remembers = false;
+    for (unsigned pass = 0; pass < 3; ++pass)
+      FlownRun(world, plan, {.killed = 0.05, .open = seconds(100)}).fly(seconds(60));
+    world.remembers = true;
+    for (unsigned pass = 0; pass < 5; ++pass) FlownRun(world, plan, {.open = seconds(100)}).fly(seconds(60));
+
+    for (const Item& item : items_in(world, plan)) {
+      if (item.kind != ItemKind::telecommand) continue;
+      int times = 0;
+      for (const auto& [token, executed] : world.executed) times += token.ends_with(item.key) ? executed : 0;
+      EXPECT_LE(times, 1) << item.text;
+      EXPECT_TRUE(is_over(item.state)) << item.text << " " << to_text(item.state);
+      if (item.state == ItemState::unknown) ++unknown;
+    }
+  }
+  EXPECT_GT(unknown, 10U);
+}
+
 /// A session whose telecommands all end as wanted but those that a test answers itself.
 class Steps : public ::testing::Test {
  protected:
@@ -432,6 +457,45 @@ TEST_F(Steps, EndInOrderBeforeTheSet) {
   EXPECT_EQ(resume->telecommand.name, "file.resume_all");
   later.on_end(resume->tag, {}, start, utc);
   EXPECT_FALSE(later.suspended());
+}
+
+TEST_F(Steps, SuspendCopiesAlsoWhileATelecommandIsUnderWay) {
+  PassPlan plan = plan_of(0, 0, true);
+  plan.queries.clear();
+  plan.down.resize(1);
+  PassSession& s = session(plan, {.rates = {.down_octets_s = 1000, .up_octets_s = 1000}});
+  const auto list = next();
+  TelemetryReport row;
+  row.fields = {field("object", "file"), field("object_name", "a.fits"),
+                field("octets", "9000"), field("objects", "1"),
+                field("total", "1"),     field("left", "0")};
+  s.on_end(list->tag, {.reports = {row}}, start, utc);
+  const auto copy = next();
+  ASSERT_TRUE(copy);
+  EXPECT_EQ(copy->telecommand.name, "file.copy");
+
+  const MonotonicTime late = start + seconds(300) - PassSession::closing;
+  EXPECT_FALSE(next(late - seconds(1))) << "the copy may have begun; its end is not known yet";
+  const auto suspend = next(late);
+  ASSERT_TRUE(suspend);
+  EXPECT_EQ(suspend->telecommand.name, "file.suspend_all");
+  s.on_end(copy->tag, {.how = How::lost}, late, utc);
+  EXPECT_FALSE(next(late)) << "a late end is not that of the suspension";
+  s.on_end(suspend->tag, {}, late, utc);
+  EXPECT_EQ(s.over(late), "ended in order before the set");
+  EXPECT_TRUE(s.suspended());
+}
+
+TEST_F(Steps, WaitForATelecommandToTheSetWhenNothingIsToBeSuspended) {
+  PassPlan plan = plan_of(1, 0, false);
+  plan.queries.clear();
+  PassSession& s = session(plan);
+  const auto line = next();
+  ASSERT_TRUE(line);
+  const MonotonicTime late = start + seconds(300) - PassSession::closing;
+  EXPECT_FALSE(next(late));
+  s.on_end(line->tag, {}, late, utc);
+  EXPECT_EQ(s.items()[0].state, ItemState::done);
 }
 
 TEST_F(Steps, FetchTheMostUrgentFileThatFits) {

@@ -57,7 +57,7 @@ TEST(Sgp4, GivesThePublishedStatesOfEveryCaseNearTheEarth) {
     EXPECT_LT(distance(state->velocity_km_s, expected.velocity_km_s), 1e-8) << line;
     ++states;
   }
-  EXPECT_EQ(states, 28U);
+  EXPECT_EQ(states, 31U);
 }
 
 TEST(Sgp4, CountsTimeFromTheEpochOfTheElements) {
@@ -126,11 +126,14 @@ TEST(SiderealTime, IsThatOfTheBook) {
   EXPECT_NEAR(sidereal_time_rad(*time) * 180 / std::numbers::pi, 152.578787810, 1e-6);
 }
 
-TEST(Geodetic, PositionsAreThoseOfTheBookAndComeBack) {
-  // Vallado, example 3-1: latitude 39.586667 deg, height 4347.667 m.
-  const Vector position = position_km({39.586667, 0, 4347.667});
-  EXPECT_NEAR(position[0], 4925.4298026, 1e-4);
-  EXPECT_NEAR(position[2], 4045.4937426, 1e-4);
+TEST(Geodetic, PositionsAreThosePublishedAndComeBack) {
+  // EPSG Guidance Note 7-2, geographic/geocentric conversions, on WGS-84: 53 deg 48' 33.820" N, 2 deg
+  // 07' 46.380" E, 73 m, to a millimetre. (Vallado's example 3-1 is on the ellipsoid of EGM-96, 0.7 m
+  // smaller.)
+  const Vector position = position_km({53 + 48 / 60.0 + 33.820 / 3600, 2 + 7 / 60.0 + 46.380 / 3600, 73});
+  EXPECT_NEAR(position[0], 3771.793968, 1e-6);
+  EXPECT_NEAR(position[1], 140.253342, 1e-6);
+  EXPECT_NEAR(position[2], 5124.304349, 1e-6);
   for (const Geodetic place :
        {Geodetic{47.4, 8.5, 450}, Geodetic{-89.9, -179.5, 600'000}, Geodetic{0, 90, 0}}) {
     const Geodetic back = place_of(position_km(place));
@@ -146,11 +149,21 @@ TEST(Sight, PointsWhereTheSpacecraftIs) {
   EXPECT_NEAR(above.elevation_deg, 90, 1e-4);
   EXPECT_NEAR(above.range_km, 500, 1e-6);
   const Sight north = sight_of(position_km({50, 10, 500'000}), station);
-  EXPECT_NEAR(north.azimuth_deg, 0, 1e-6);
+  EXPECT_NEAR(std::remainder(north.azimuth_deg, 360), 0, 1e-6);
   EXPECT_GT(north.elevation_deg, 0);
   EXPECT_NEAR(sight_of(position_km({45, 12, 500'000}), station).azimuth_deg, 90, 1);
   EXPECT_NEAR(sight_of(position_km({45, 8, 500'000}), station).azimuth_deg, 270, 1);
   EXPECT_LT(sight_of(position_km({-45, -170, 500'000}), station).elevation_deg, -80);
+}
+
+TEST(Sight, HasAnAzimuthBelowAFullTurnAlsoJustWestOfNorth) {
+  for (int longitude = -180; longitude <= 180; ++longitude) {
+    const double place = longitude;
+    const double azimuth = sight_of(position_km({50, place, 500'000}), {45, place, 0}).azimuth_deg;
+    EXPECT_GE(azimuth, 0) << longitude;
+    EXPECT_LT(azimuth, 360) << longitude;
+    EXPECT_NEAR(std::remainder(azimuth, 360), 0, 1e-6) << longitude;
+  }
 }
 
 }  // namespace
