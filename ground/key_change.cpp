@@ -16,7 +16,6 @@
 namespace srfs::ground {
 namespace {
 
-using wire::KeyState;
 using wire::SessionKeys;
 
 std::string word(std::string_view name, std::uint64_t value) {

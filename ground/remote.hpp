@@ -58,7 +58,7 @@ struct RemoteRequest {
 [[nodiscard]] Result<TelecommandText, std::string> setting_command(const std::string& change);
 /// "NODE.PARAMETER=VALUE" again.
 [[nodiscard]] std::string to_line(const TelecommandText& setting);
-/// "timing.late_tick_ms   1 to 60000 ms, guarded   what it is"
+/// "timing.late_tick_ms   10 to 60000 ms, guarded   what it is"
 [[nodiscard]] std::string to_line(const mission::Parameter& parameter);
 
 /// A report of the services 20 and 23, or a set of kept values, as one or more lines.

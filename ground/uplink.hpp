@@ -23,10 +23,6 @@
 
 namespace srfs::ground {
 
-/// Hexadecimal digits, a newline behind them allowed, in a file that its owner alone may read. The error is
-/// ready to print.
-[[nodiscard]] Result<wire::SdlsKey, std::string> read_link_key(const std::filesystem::path& file);
-
 [[nodiscard]] std::string_view to_text(suite::AssociationSet set);
 /// "a", "b" or "contingency".
 [[nodiscard]] std::optional<suite::AssociationSet> key_set_of(std::string_view text);

@@ -374,6 +374,22 @@ std::optional<TelemetrySecurity> read_tm_security(const ConfigSection& tm, const
   return security;
 }
 
+/// After all other keys of the link.
+void read_key_encryption_keys(const ConfigSection& section, LinkSettings& link) {
+  for (const ConfigSection& entry : section.sections("key_encryption_keys")) {
+    KeyEncryptionKeyFile key{.id = static_cast<int>(entry.integer("id", 1, 127)),
+                             .key_file = entry.text("key_file")};
+    for (const KeyEncryptionKeyFile& other : link.key_encryption_keys) {
+      if (other.id == key.id) throw entry.bad("id", "a number not used by another entry");
+    }
+    const std::vector<std::string> used = key_files_of(link);
+    if (std::find(used.begin(), used.end(), key.key_file) != used.end())
+      throw entry.bad("key_file", "a key not used by another entry");
+    entry.finish();
+    link.key_encryption_keys.push_back(std::move(key));
+  }
+}
+
 }  // namespace
 
 std::vector<std::string> key_files_of(const LinkSettings& link) {
@@ -384,6 +400,14 @@ std::vector<std::string> key_files_of(const LinkSettings& link) {
   for (const KeyEncryptionKeyFile& key : link.key_encryption_keys) files.push_back(key.key_file);
   if (link.tm_security) files.push_back(link.tm_security->key_file);
   return files;
+}
+
+void use_self_test_keys(LinkSettings& link) {
+  for (TelecommandChannel& channel : link.channels)
+    channel.key_file = fmt::format("keys/self_test_{}.key", channel.spi);
+  for (KeyEncryptionKeyFile& key : link.key_encryption_keys)
+    key.key_file = fmt::format("keys/self_test_master_{}.key", key.id);
+  if (link.tm_security) link.tm_security->key_file = "keys/self_test_tm.key";
 }
 
 LinkSettings read_link(const ConfigSection& section) {
@@ -438,19 +462,7 @@ LinkSettings read_link(const ConfigSection& section) {
   }
   link.tm_security = read_tm_security(tm, link);
   tm.finish();
-  for (const ConfigSection& entry : section.sections("key_encryption_keys")) {
-    KeyEncryptionKeyFile key{.id = static_cast<int>(entry.integer("id", 1, 127)),
-                             .key_file = entry.text("key_file")};
-    for (const KeyEncryptionKeyFile& other : link.key_encryption_keys) {
-      if (other.id == key.id) throw entry.bad("id", "a number not used by another entry");
-      if (other.key_file == key.key_file) throw entry.bad("key_file", "a key not used by another entry");
-    }
-    if (std::any_of(link.channels.begin(), link.channels.end(),
-                    [&](const TelecommandChannel& c) { return c.key_file == key.key_file; }))
-      throw entry.bad("key_file", "a key not used by another entry");
-    entry.finish();
-    link.key_encryption_keys.push_back(std::move(key));
-  }
+  read_key_encryption_keys(section, link);
   section.finish();
   return link;
 }

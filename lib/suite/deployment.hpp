@@ -234,5 +234,7 @@ struct AddedDescription {
 [[nodiscard]] LinkSettings read_link(const ConfigSection& section);
 /// The files of all keys of the link, relative to VAR.
 [[nodiscard]] std::vector<std::string> key_files_of(const LinkSettings& link);
+/// Gives each key of the link a file of its own for a self-test, which writes random keys there.
+void use_self_test_keys(LinkSettings& link);
 
 }  // namespace srfs::suite

@@ -31,7 +31,7 @@ struct RescueSettings {
   struct Seal {
     std::uint16_t spi = 0;
     Octets key = {};         ///< 32
-    std::string key_file{};  ///< as Association::key_file
+    std::string key_file{};  ///< absolute: never restored; the key above is used
     friend bool operator==(const Seal&, const Seal&) = default;
   };
   std::string var;         ///< absolute, as all paths

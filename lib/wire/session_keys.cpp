@@ -161,7 +161,7 @@ Result<SessionKeys, KeyRefusal> SessionKeys::rekeyed(std::uint16_t spi, std::uin
 SessionKeys SessionKeys::confirmed(std::uint16_t spi, std::uint16_t id) const {
   const auto before = use_of(spi);
   const Key* const key = find(id);
-  if (!before || key == nullptr || before->current == id) return *this;
+  if (!before || key == nullptr || key->state != KeyState::active || before->current == id) return *this;
   SessionKeys after = changed();
   Use& use = after.use(spi);
   use.current = id;

@@ -93,7 +93,8 @@ class SessionKeys {
   /// Rekeying: @p id becomes the next key of @p spi; its current one works until confirmed(). No key has two
   /// associations.
   [[nodiscard]] Result<SessionKeys, KeyRefusal> rekeyed(std::uint16_t spi, std::uint16_t id) const;
-  /// A frame under key @p id was taken: it is the current one, and the one before it is destroyed.
+  /// A frame under key @p id was taken: it is the current one, and the one before it is destroyed. Nothing
+  /// changes when @p id is not active any more.
   [[nodiscard]] SessionKeys confirmed(std::uint16_t spi, std::uint16_t id) const;
   /// The stored keys are gone: none of these associations takes a frame before it is rekeyed.
   [[nodiscard]] static SessionKeys lost(const std::vector<std::uint16_t>& spis);

@@ -1,6 +1,10 @@
 // SPDX-FileCopyrightText: 2026 SRFS contributors
 // SPDX-License-Identifier: Apache-2.0
+#include <algorithm>
 #include <filesystem>
+#include <set>
+#include <string>
+#include <vector>
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -151,6 +155,38 @@ TEST_F(DeploymentTest, SealedFramesHaveAnAssociationOfTheirOwnAndRoomForIt) {
   const LinkSettings link = Deployment::load(folder_ / "d.yaml").link;
   EXPECT_EQ(link.tm_security->spi, 16);
   EXPECT_EQ(key_files_of(link), (std::vector<std::string>{"a.key", "tm.key"}));
+}
+
+TEST_F(DeploymentTest, AKeyEncryptionKeyIsUsedForNothingElse) {
+  const std::string channels = "  tc_channels: [{vc: 0, security: sdls, spi: 1, key_file: a.key}]\n";
+  const auto error_with = [&](const std::string& entries) {
+    return error_of("deployment: x\n" + node + "link:\n" + channels +
+                    "  tm: {sdls: strict, spi: 16, key_file: tm.key}\n  key_encryption_keys: [" + entries +
+                    "]\n");
+  };
+  EXPECT_EQ(error_with("{id: 1, key_file: m1.key}, {id: 2, key_file: m2.key}"), "no error");
+  EXPECT_EQ(error_with("{id: 1, key_file: tm.key}"),
+            "d.yaml:7: 'link.key_encryption_keys[0].key_file': expected a key not used by another entry, "
+            "found 'tm.key'");
+  EXPECT_THAT(error_with("{id: 1, key_file: a.key}"), HasSubstr("found 'a.key'"));
+  EXPECT_THAT(error_with("{id: 1, key_file: m.key}, {id: 2, key_file: m.key}"), HasSubstr("found 'm.key'"));
+  EXPECT_THAT(error_with("{id: 1, key_file: m1.key}, {id: 1, key_file: m2.key}"), HasSubstr("found '1'"));
+}
+
+TEST_F(DeploymentTest, ASelfTestHasNoKeyFileOfTheSpacecraft) {
+  LinkSettings link = Deployment::load(std::string(SRFS_SOURCE_DIR) + "/launch_config/sim.yaml").link;
+  const std::vector<std::string> own = key_files_of(link);
+  ASSERT_TRUE(link.tm_security);
+  ASSERT_FALSE(link.key_encryption_keys.empty());
+
+  use_self_test_keys(link);
+
+  const std::vector<std::string> of_test = key_files_of(link);
+  EXPECT_EQ(std::set<std::string>(of_test.begin(), of_test.end()).size(), own.size()) << "one for each key";
+  for (const std::string& file : of_test) {
+    EXPECT_EQ(std::count(own.begin(), own.end(), file), 0) << file;
+    EXPECT_TRUE(file.starts_with("keys/self_test_")) << file;
+  }
 }
 
 TEST_F(DeploymentTest, TheRingIsTheStartOrderUnlessTheFileSaysOtherwiseAndOffWithoutTheSection) {

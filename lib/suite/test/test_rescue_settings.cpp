@@ -67,7 +67,7 @@ TEST(RescueSettingsFile, RefusesWhatItsOwnWriterWouldNotWrite) {
   };
   EXPECT_EQ(changed("var /var", "var var").error(), "line 2: bad values of 'var'");
   EXPECT_NE(changed("seal 16 ", "seal 0 ").error().find("bad values of 'seal'"), std::string::npos);
-  EXPECT_EQ(changed("steps 3 6 9", "steps 3 3 9").error(), "line 10: bad values of 'steps'");
+  EXPECT_EQ(changed("steps 3 6 9", "steps 3 3 9").error(), "line 11: bad values of 'steps'");
   EXPECT_EQ(changed("deployment", "deploymemt").error(), "line 4: no such key");
   EXPECT_EQ(changed("link 171", "link 1024").error(), "line 7: bad values of 'link'");
   EXPECT_EQ(changed("watchdog dev:/dev/watchdog 22\n", "var /var/lib/srfs\n").error(),

@@ -81,6 +81,15 @@ TEST(SessionKeys, AConfirmationNamesItsKey) {
   EXPECT_EQ(keys.use_of(1), (SessionKeys::Use{.spi = 1, .current = 128, .next = 129}));
 }
 
+/// A key that was the next one, and no longer is, may be deactivated before a frame under it is known here.
+TEST(SessionKeys, AConfirmationOfAKeyThatIsNotActiveChangesNothing) {
+  SessionKeys keys = *with_active(128, 1).rekeyed(1, 128);
+  keys = *with_active(129, 2, keys).rekeyed(1, 129);
+  keys = *keys.deactivated(128);
+  EXPECT_EQ(keys.confirmed(1, 128), keys);
+  EXPECT_EQ(decode_session_keys(encode_session_keys(keys.confirmed(1, 128))), keys);
+}
+
 TEST(SessionKeys, HaveABound) {
   SessionKeys keys;
   for (std::uint16_t i = 0; i < SessionKeys::max_keys; ++i)

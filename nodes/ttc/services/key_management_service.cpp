@@ -76,6 +76,8 @@ Result<wire::SessionKeys, KeyManagementService::Failure> KeyManagementService::c
   if (subtype == mission::KeysOtar::subtype) return upload(in);
   const std::uint16_t first = in.u16();
   if (subtype == mission::KeysRekey::subtype) return rekey(first, in.u16());
+  if (subtype != mission::KeysActivate::subtype && confirmed_by(first))
+    return Err(Failure{failure::key_in_use, first});
   auto after = subtype == mission::KeysActivate::subtype     ? keys_.activated(first)
                : subtype == mission::KeysDeactivate::subtype ? keys_.deactivated(first)
                                                              : keys_.destroyed(first);
@@ -106,9 +108,17 @@ Result<wire::SessionKeys, KeyManagementService::Failure> KeyManagementService::r
                                                                                      std::uint16_t id) const {
   if (std::find(rekeyable_.begin(), rekeyable_.end(), spi) == rekeyable_.end())
     return Err(Failure{failure::unknown_key, spi});
+  if (confirmed_by(id).value_or(spi) != spi) return Err(Failure{failure::key_in_use, id});
   auto after = keys_.rekeyed(spi, id);
   if (!after) return Err(failure_of(after.error(), id));
   return std::move(*after);
+}
+
+std::optional<std::uint16_t> KeyManagementService::confirmed_by(std::uint16_t id) const {
+  const auto found = std::find_if(confirmed_.begin(), confirmed_.end(),
+                                  [id](const UplinkChain::KeyConfirmed& c) { return c.key == id; });
+  if (found == confirmed_.end()) return std::nullopt;
+  return found->spi;
 }
 
 void KeyManagementService::verify(const TelecommandOrigin& origin, OctetReader& in) {

@@ -33,6 +33,9 @@ struct SessionKeyChange {
 /// What always holds: whichever frames the ground may have reason to send under an association's old or new
 /// key are taken by it. The old key ends with the first frame that was accepted under the new one, not
 /// before.
+///
+/// A counter that was raised is written with the next state of the link, after its end was reported: a power
+/// cut in between takes it back.
 class KeyManagementService final : public PusService {
  public:
   static constexpr std::uint8_t service_type = 128;
@@ -72,6 +75,8 @@ class KeyManagementService final : public PusService {
   [[nodiscard]] Result<wire::SessionKeys, Failure> change(std::uint8_t subtype, OctetReader& in) const;
   [[nodiscard]] Result<wire::SessionKeys, Failure> upload(OctetReader& in) const;
   [[nodiscard]] Result<wire::SessionKeys, Failure> rekey(std::uint16_t spi, std::uint16_t id) const;
+  /// The association that took a frame under key @p id, while that is not stored yet.
+  [[nodiscard]] std::optional<std::uint16_t> confirmed_by(std::uint16_t id) const;
   void verify(const TelecommandOrigin& origin, OctetReader& in);
   void report_inventory(const TelecommandOrigin& origin, OctetReader& in);
   void report_arsn(const TelecommandOrigin& origin, std::uint16_t spi);

@@ -78,8 +78,8 @@ TEST(FrameNumbers, WhateverEndsTheProcessNoNumberIsUsedAgain) {
       FrameNumbers numbers(first_frame_number(in_rescue ? std::nullopt : memory, disk, clock));
       disk = std::max(disk.value_or(0), numbers.wanted(std::nullopt).value());
       numbers.on_reserved(*disk);
-      const unsigned frames = random() % 40;
-      for (unsigned i = 0; i < frames; ++i) {
+      const auto frames = random() % 40;
+      for (std::uint_fast32_t i = 0; i < frames; ++i) {
         if (random() % 8 == 0) clock = clock + seconds(static_cast<int>(random() % 400) - 100);
         clock = clock + milliseconds(random() % 50);
         const auto utc = in_rescue || random() % 4 == 0 ? std::nullopt : std::optional(clock);
@@ -167,7 +167,7 @@ TEST(DownlinkScheduler, SealsEveryFrameIdleOnesTooWithHigherNumbers) {
       for (Octets& whole : live.push(*frame)) packets.push_back(std::move(whole));
     }
   }
-  EXPECT_EQ(packets, std::vector{packet});
+  EXPECT_EQ(packets, std::vector<Octets>{packet});
   EXPECT_EQ(idle, 4U);
 }
 

@@ -3,6 +3,8 @@
 // How it goes on with the ground, and power cuts: ground/test/test_key_change.cpp.
 #include "nodes/ttc/services/key_management_service.hpp"
 
+#include <algorithm>
+#include <array>
 #include <optional>
 
 #include <gtest/gtest.h>
@@ -17,8 +19,12 @@ namespace failure = mission::failure;
 
 constexpr std::uint16_t spacecraft = 0xAB;
 
+/// No pattern that why_known() refuses.
 wire::SdlsKey key(std::uint8_t first) {
-  return wire::SdlsKey({first, 0x5A, 0x17});
+  std::array<std::uint8_t, wire::sdls_key_octets> octets{};
+  for (std::size_t i = 0; i < octets.size(); ++i)
+    octets.at(i) = static_cast<std::uint8_t>(first + 7 * i * i + i);
+  return wire::SdlsKey(octets);
 }
 
 class KeyManagement : public testing::Test {
@@ -296,6 +302,32 @@ TEST_F(KeyManagement, AKeyInUseIsNeitherDeactivatedNorDestroyed) {
   run(about<mission::KeysDestroy>(129));
   EXPECT_EQ(end(), std::nullopt);
   EXPECT_EQ(service_.keys().find(129), nullptr);
+}
+
+/// While the rekeying to another key was written, a frame under the one before came, which is the key of the
+/// association since then.
+TEST_F(KeyManagement, AKeyThatHasJustBecomeTheCurrentOneIsInUseBeforeThatIsStored) {
+  bring(128, 9);
+  bring(129, 10);
+  run(rekey(1, 128));
+  run(rekey(1, 129), std::nullopt);
+  const auto writing = service_.take_change();
+  ASSERT_TRUE(writing);
+  ASSERT_EQ(send(key(9)), 1U);
+  service_.on_stored(*writing, true);
+
+  run(about<mission::KeysDeactivate>(128), std::nullopt);
+  EXPECT_EQ(end(), failure::key_in_use);
+  run(about<mission::KeysDestroy>(128), std::nullopt);
+  EXPECT_EQ(end(), failure::key_in_use);
+  run(rekey(2, 128), std::nullopt);
+  EXPECT_EQ(end(), failure::key_in_use) << "nor has it another association";
+  store_all(true);
+
+  EXPECT_EQ(service_.keys().use_of(1), (wire::SessionKeys::Use{.spi = 1, .current = 128, .next = 129}));
+  EXPECT_EQ(wire::decode_session_keys(wire::encode_session_keys(service_.keys())), service_.keys());
+  EXPECT_EQ(send(key(9)), 1U);
+  EXPECT_EQ(send(key(10)), 1U);
 }
 
 }  // namespace

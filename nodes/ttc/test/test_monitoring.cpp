@@ -797,7 +797,7 @@ TEST_F(Functional, AStaleMonitorCounts) {
   ASSERT_EQ(send("functional_monitor.add", functional(5, "9", 1)), "");
   ASSERT_EQ(send("functional_monitor.enable", {"id=5"}), "");
   sample(0.9F, 280);
-  for (int second = 0; second < 60; ++second) {
+  for (int i = 0; i < 60; ++i) {
     now_ = now_ + seconds(1);
     service_->monitoring().on_time(day, now_);
   }

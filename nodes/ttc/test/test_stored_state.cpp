@@ -41,7 +41,7 @@ class StoredStates : public testing::Test {
 
 TEST_F(StoredStates, AnOrderIntoRescueStandsInTheRecordOfTheStart) {
   const testing_support::TemporaryFolder state;
-  const StoredState ttc(state.path() / "ttc");
+  const StoredState ttc(state.path() / "ttc", state.path() / "session");
 
   EXPECT_TRUE(ttc.write_rescue_entry());
 
@@ -112,6 +112,7 @@ UplinkConfig secured_channel(bool contingency) {
 }
 
 TEST_F(StoredStates, SessionKeysTakeThePlaceOfTheFiles) {
+  static_cast<void>(start());
   UplinkConfig config = secured_channel(true);
   const wire::SdlsKey fresh({7});
   const auto keys = wire::SessionKeys{}.uploaded(128, fresh)->activated(128)->rekeyed(1, 128);
@@ -122,6 +123,7 @@ TEST_F(StoredStates, SessionKeysTakeThePlaceOfTheFiles) {
 }
 
 TEST_F(StoredStates, AfterTheLossOfAllSessionKeysTheContingencyKeyIsTakenAlone) {
+  static_cast<void>(start());
   ASSERT_TRUE(state_->write_session_keys(*wire::SessionKeys{}.uploaded(128, wire::SdlsKey({7}))));
   for (const char* copy : {"session_keys.0", "session_keys.1"})
     std::filesystem::resize_file(folder_.path() / "session" / copy, 9);
@@ -136,6 +138,7 @@ TEST_F(StoredStates, AfterTheLossOfAllSessionKeysTheContingencyKeyIsTakenAlone) 
 }
 
 TEST_F(StoredStates, WithoutAContingencyKeyTheLossOfAllSessionKeysLocksNobodyOut) {
+  static_cast<void>(start());
   ASSERT_TRUE(state_->write_session_keys(*wire::SessionKeys{}.uploaded(128, wire::SdlsKey({7}))));
   for (const char* copy : {"session_keys.0", "session_keys.1"})
     std::filesystem::resize_file(folder_.path() / "session" / copy, 9);
