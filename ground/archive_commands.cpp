@@ -119,7 +119,6 @@ Exit show_packets(const ArchiveCommand& command, const mission::Dictionary& dict
           json["received"] = to_iso8601(stored.received);
           json["live"] = stored.live;
           json["retrieved"] = stored.retrieved;
-          json["verified"] = report.authenticity == Authenticity::verified;
           json["octets"] = to_hex(stored.packet.raw);
           rows.write(json, to_lines(report, false));
         });

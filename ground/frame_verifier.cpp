@@ -71,13 +71,15 @@ FrameVerdict FrameVerifier::verify(OctetView octets, wire::TmFrame& frame, UtcTi
 }
 
 FrameVerdict FrameVerifier::judge(OctetView octets, wire::TmFrame& frame, UtcTime now) {
-  const auto number = wire::tm_sdls_open(octets, frame, settings_.spi, authenticator_);
+  wire::TmFrame opened = frame;
+  const auto number = wire::tm_sdls_open(octets, opened, settings_.spi, authenticator_);
   if (!number) return verdict_of(number.error());
   if (*number < settings_.floor) return FrameVerdict::replayed;
   const auto sent = time_in(*number);
   const bool is_judged = sent && settings_.age_max > seconds(0);
   if (is_judged && now - *sent > settings_.age_max) return FrameVerdict::too_old;
   settings_.floor = *number + 1;
+  frame = std::move(opened);
   return FrameVerdict::verified;
 }
 

@@ -46,7 +46,8 @@ class FrameVerifier {
   FrameVerifier(Settings settings, wire::TmAuthenticator authenticator)
       : settings_(settings), authenticator_(std::move(authenticator)) {}
 
-  /// @param octets  the whole frame. @param frame  as read; when verified, without the security fields
+  /// @param octets  the whole frame. @param frame  as read; when verified, without the security fields, else
+  /// unchanged
   /// @param now  of this computer's clock
   [[nodiscard]] FrameVerdict verify(OctetView octets, wire::TmFrame& frame, UtcTime now);
   /// The lowest number that is taken from now on.

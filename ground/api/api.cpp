@@ -438,7 +438,6 @@ Api::Rows Api::packets_of(Archive& archive, const RowQuery& query, bool events) 
     json["received"] = to_iso8601(stored.received);
     json["live"] = stored.live;
     json["retrieved"] = stored.retrieved;
-    json["verified"] = stored.packet.authenticity == Authenticity::verified;
     if (!events) json["octets"] = to_hex(stored.packet.raw);
     found.push_back(std::move(json));
     return true;

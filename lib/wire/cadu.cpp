@@ -7,6 +7,7 @@
 #include <cassert>
 #include <iterator>
 #include <optional>
+#include <utility>
 
 #include "wire/crc16.hpp"
 #include "wire/randomizer.hpp"
@@ -118,7 +119,7 @@ CaduSynchroniser::Step CaduSynchroniser::check_spacing() {
   ++counters_.losses_of_lock;
   state_ = State::searching;
   head_ -= look_back_;
-  look_back_ = 0;
+  handed_out_ = std::exchange(look_back_, 0);
   return Step::progressed;
 }
 
@@ -139,6 +140,7 @@ CaduSynchroniser::Step CaduSynchroniser::decode(std::vector<Frame>& frames) {
   ++counters_.frames;
   counters_.corrected_octets += frame->corrected_octets;
   counters_.marker_bit_errors += marker_bit_errors_;
+  counters_.shared_octets += std::exchange(handed_out_, 0);
   frames.push_back(std::move(*frame));
   head_ += octets;
   // Octets lost shortly before the end: the block was corrected, but the next marker begins inside it.
@@ -148,7 +150,9 @@ CaduSynchroniser::Step CaduSynchroniser::decode(std::vector<Frame>& frames) {
 }
 
 void CaduSynchroniser::drop_noise(std::size_t octets) {
-  counters_.noise_octets += octets;
+  const std::size_t counted = std::min(octets, handed_out_);
+  handed_out_ -= counted;
+  counters_.noise_octets += octets - counted;
   head_ += octets;
 }
 

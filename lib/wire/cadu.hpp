@@ -52,6 +52,7 @@ class CaduSynchroniser {
     std::uint64_t losses_of_lock = 0;     ///< marker not where it should be, or candidate rejected
     std::uint64_t marker_bit_errors = 0;  ///< in markers that were accepted while locked
     std::uint64_t noise_octets = 0;       ///< octets that belong to no CADU handed out
+    std::uint64_t shared_octets = 0;  ///< octets that belong to two: some were lost before the first's end
   };
 
   /// @param format is_valid(format) holds
@@ -80,8 +81,9 @@ class CaduSynchroniser {
   CaduFormat format_;
   Counters counters_;
   Octets buffer_;
-  std::size_t head_ = 0;       // first octet not yet decided
-  std::size_t look_back_ = 0;  // octets before it that are searched too if the next marker is missing
+  std::size_t head_ = 0;        // first octet not yet decided
+  std::size_t look_back_ = 0;   // octets before it that are searched too if the next marker is missing
+  std::size_t handed_out_ = 0;  // octets from head_ on that belong to the last CADU: they are searched again
   State state_ = State::searching;
   bool spacing_checked_ = false;    // locked: the marker at the front was checked
   unsigned marker_bit_errors_ = 0;  // of that marker

@@ -68,12 +68,14 @@ bool on_hardware_line(const suite::Deployment& deployment, const std::filesystem
 }
 
 std::vector<KeyEncryptionKey> read_masters(const suite::Deployment& deployment,
-                                           const std::filesystem::path& root,
+                                           const std::filesystem::path& root, const UplinkConfig& uplink,
                                            std::vector<TtcCore::UnusableMaster>& unusable) {
   std::vector<KeyEncryptionKey> masters;
   for (const suite::KeyEncryptionKeyFile& entry : deployment.link.key_encryption_keys) {
     auto key = read_key(root / entry.key_file, on_hardware_line(deployment, root));
     const auto id = static_cast<std::uint16_t>(entry.id);
+    if (key && is_key_of(uplink, *key))
+      key = Err(fmt::format("{}: a telecommand channel has this key, too", entry.key_file));
     if (key) {
       masters.push_back({.id = id, .key = std::move(*key)});
     } else {
@@ -104,7 +106,7 @@ Result<UplinkConfig, std::string> read_channels(const suite::Deployment& deploym
     }
     if (entry.security == suite::ChannelSecurity::none) continue;
     const auto spi = static_cast<std::uint16_t>(entry.spi);
-    // One that was replaced in flight needs no file.
+    // One that was replaced in flight needs no file as long as a copy of the session keys can be read.
     const auto use = session_keys.use_of(spi);
     const auto* current = use ? session_keys.find(use->current) : nullptr;
     auto key = current != nullptr ? Result<wire::SdlsKey, std::string>(current->octets.key())
@@ -220,7 +222,8 @@ wire::TmFrameCounts open_frame_counts(const FrameCountFile& file, const suite::V
   return counts;
 }
 
-/// Where the numbers of sealed frames go on. Blocks until a reserve for the first minute is on the disk.
+/// Where the numbers of sealed frames go on. Blocks until a reserve for the first minute is on the disk, or
+/// could not be written: then nothing is reserved.
 FrameNumbers open_frame_numbers(StateFile<std::uint64_t>& file, const std::optional<FrameCountPage>& page) {
   const auto found = file.load();
   const auto in_memory = page ? page->read_number() : std::nullopt;
@@ -229,9 +232,12 @@ FrameNumbers open_frame_numbers(StateFile<std::uint64_t>& file, const std::optio
     log::error("the numbers of TM frames are lost: they go on from this computer's clock");
   FrameNumbers numbers(first_frame_number(in_memory, found.state, clock));
   const std::uint64_t reserve = numbers.wanted(std::nullopt).value();
-  if (const auto stored = file.store(reserve); !stored.durable())
+  const auto stored = file.store(reserve);
+  if (stored.durable()) {
+    numbers.on_reserved(reserve);
+  } else {
     log::error("{}: a reset of the computer may use numbers of TM frames again", stored.problem);
-  numbers.on_reserved(reserve);
+  }
   return numbers;
 }
 
@@ -305,7 +311,7 @@ TtcCore::Setup TtcNode::read_setup(TtcDisk::Parts& parts, UplinkConfig channels,
   KeySelection keys = state.load_keys(channels, key_news);
   FoundSessionKeys session_keys = state.load_session_keys(channels);
   std::vector<TtcCore::UnusableMaster> unusable_masters;
-  std::vector<KeyEncryptionKey> masters = read_masters(deployment(), var().root, unusable_masters);
+  std::vector<KeyEncryptionKey> masters = read_masters(deployment(), var().root, channels, unusable_masters);
   const MissionMode initial = initial_mode(get_parameter<std::string>("initial_mode"), deployment().file);
   TtcCore::Setup setup{
       .dictionary = added_.dictionary(),

@@ -46,10 +46,12 @@ Octets key_of(const suite::RescueSettings::Association& association) {
   return association.set == 'c' ? association.key : key_in_use(association.key_file, association.key);
 }
 
+/// Always under the key of the settings, which have a digest. In a key file, a rotten digit makes another
+/// key, and the ground, which has one key for telemetry, would take no frame.
 std::optional<wire::TmSeal> seal_of(const suite::RescueSettings& settings) {
   if (!settings.seal) return std::nullopt;
   wire::TmSeal seal{.spi = settings.seal->spi, .authenticator = {}};
-  auto key = wire::SdlsKey::from_hex(to_hex(key_in_use(settings.seal->key_file, settings.seal->key)));
+  auto key = wire::SdlsKey::from_hex(to_hex(settings.seal->key));
   if (key) seal.authenticator = wire::TmAuthenticator::create(std::move(*key));
   return seal;
 }

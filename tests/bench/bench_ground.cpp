@@ -266,7 +266,7 @@ class Station {
  public:
   Station() {
     std::filesystem::create_directories(folder_.path() / "keys");
-    for (const char* name : {"tc_uplink", "tc_uplink_ad"}) write_key(name);
+    for (const char* name : {"tc_uplink", "tc_uplink_ad", "tm_downlink"}) write_key(name);
     grantpt(line_.get());
     unlockpt(line_.get());
     const std::string near = ptsname(line_.get());
@@ -312,7 +312,7 @@ class Station {
   }
   void write_key(const std::string& name) const {
     const auto file = folder_.path() / "keys" / (name + ".key");
-    std::ofstream(file) << std::string(62, '0') << (name.size() > 9 ? "01" : "02") << "\n";
+    std::ofstream(file) << std::string(63, '0') << std::hex << name.size() << "\n";  // each another
     std::filesystem::permissions(file,
                                  std::filesystem::perms::owner_read | std::filesystem::perms::owner_write);
   }

@@ -69,7 +69,7 @@ class RosToolsTest(SystemTest):
         parameters = self.folder / "parameters.yaml"
         parameters.write_text("/**:\n  ros__parameters: { log_level: warn, callback_budget_ms: 77 }\n")
         node = self.start("run", "--folder", folder, "--name", "counter", "--domain", self.flown.domain, BIN / "tick_counter_node", "--ros-args",
-                          "-p", "report_every:=7", "--params-file", parameters, "-r", "__ns:=/bench")  # fmt: skip
+                          "-p", "report_every:=7", "--params-file", parameters)  # fmt: skip
         target = ["--deployment", folder / "deployment.yaml", "--var", folder / "var"]
 
         def srfs(*words):
@@ -77,7 +77,7 @@ class RosToolsTest(SystemTest):
             return json.loads(done.stdout) if done.returncode == 0 else None
 
         topics = lambda: {each["topic"] for each in self.flown.srfs_json("topics")}  # noqa: E731
-        wait_until(lambda: "/bench/counter/transition_event" in topics(), DEADLINE_S, "it is there under its name")
+        wait_until(lambda: "/counter/transition_event" in topics(), DEADLINE_S, "it is there under its name")
         self.assertEqual((folder / "deployment.yaml").read_text().count("report_every: 7"), 1)
         self.assertEqual([status["name"] for status in srfs("status")], ["counter"])
         self.end(node)

@@ -84,6 +84,9 @@ TEST(CaduSynchroniser, ALostOrAnExtraOctetCostsOnlyItsOwnCadu) {
         ASSERT_EQ(received[0], sent[0]);
         ASSERT_EQ(received[received.size() - 2], sent[2]) << at;
         ASSERT_EQ(received.back(), sent[3]) << at;
+        const auto& counters = synchroniser.counters();
+        ASSERT_EQ(counters.frames * length - counters.shared_octets + counters.noise_octets, line.size())
+            << at << ": each octet counts once";
       }
     }
   }

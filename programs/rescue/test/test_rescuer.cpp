@@ -123,7 +123,9 @@ class RescuerOnTheLine : public ::testing::Test {
 
 TEST_F(RescuerOnTheLine, SealsItsFramesWithNumbersAboveThoseThatTtcReserved) {
   const Octets key(wire::sdls_key_octets, 9);
-  settings_.seal = suite::RescueSettings::Seal{.spi = 16, .key = key, .key_file = "/none"};
+  const std::string rotten = (folder_.path() / "rotten.key").string();
+  ASSERT_TRUE(write_file_atomically(rotten, to_hex(Octets(wire::sdls_key_octets, 8)) + "\n"));
+  settings_.seal = suite::RescueSettings::Seal{.spi = 16, .key = key, .key_file = rotten};
   auto numbers = frame_number_file(std::filesystem::path(settings_.var) / "state/ttc/frame_numbers");
   std::filesystem::create_directories(std::filesystem::path(settings_.var) / "state/ttc");
   constexpr std::uint64_t reserved = 1'000'000;

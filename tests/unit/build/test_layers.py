@@ -26,7 +26,7 @@ MAY_USE = {
     "programs/product": {"base", "image"},
     "programs/lane": {"base", "msgs/mission", "update"},
     "programs/rescue": {"base", "wire", "cfdp", "hw", "suite", "update", "mission", "nodes/ttc"},
-    "programs/srfs": {"base", "hw", "mcap", "ros", "suite", "update", "msgs/mission", "srfs_msgs"},
+    "programs/srfs": {"base", "hw", "mcap", "ros", "suite", "update", "wire", "msgs/mission", "srfs_msgs"},
 }
 OF_NODES = {"base", "wire", "cfdp", "hw", "image", "ros", "suite", "update", "mission", "msgs/mission", "srfs_msgs"}
 LIBRARY_OF_PAYLOADS = "nodes/payload"
