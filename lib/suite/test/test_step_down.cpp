@@ -179,8 +179,18 @@ TEST(StepRecordText, NothingButWhatWasWrittenIsRead) {
   }
 }
 
+/// Not a TemporaryFolder itself, which is locked as long as it lives.
+class BootFolder {
+ public:
+  BootFolder() { std::filesystem::create_directories(path()); }
+  [[nodiscard]] std::filesystem::path path() const { return folder_.path() / "boot"; }
+
+ private:
+  testing_support::TemporaryFolder folder_;
+};
+
 TEST(StepStore, OneDamagedCopyCostsNothingAndTwoAreReported) {
-  const testing_support::TemporaryFolder folder;
+  const BootFolder folder;
   StepStore store(folder.path());
   ASSERT_EQ(store.change([](StepRecord r) { return on_start(std::move(r), std::nullopt, policy); }), "");
   EXPECT_EQ(StepStore(folder.path()).read().starts, 1U);
@@ -194,7 +204,7 @@ TEST(StepStore, OneDamagedCopyCostsNothingAndTwoAreReported) {
 }
 
 TEST(StepStore, AChangeWaitsForAnotherThatIsUnderWay) {
-  const testing_support::TemporaryFolder folder;
+  const BootFolder folder;
   std::promise<void> began;
   std::thread other;
   const auto problem = StepStore(folder.path()).change([&](StepRecord r) {
@@ -217,7 +227,7 @@ TEST(StepStore, AChangeWaitsForAnotherThatIsUnderWay) {
 }
 
 TEST(StepStore, OneThatHangsDoesNotKeepTheOthersFromAChange) {
-  const testing_support::TemporaryFolder folder;
+  const BootFolder folder;
   const Fd hung(open(folder.path().c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC));
   ASSERT_EQ(flock(hung.get(), LOCK_EX), 0);
   ASSERT_EQ(StepStore(folder.path()).change([](StepRecord r) { return on_order_into_rescue(std::move(r)); }),
@@ -226,7 +236,7 @@ TEST(StepStore, OneThatHangsDoesNotKeepTheOthersFromAChange) {
 }
 
 TEST(StepStore, WhereNoFileCanBeMadeTheOlderCopyIsOverwritten) {
-  const testing_support::TemporaryFolder folder;
+  const BootFolder folder;
   const auto one_more_start = [&] {
     return StepStore(folder.path()).change([](StepRecord r) {
       r.detail = "srfs up: exit code 3";
