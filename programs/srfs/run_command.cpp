@@ -83,6 +83,12 @@ void prepare(const Target& target, const RunOrder& order, std::vector<std::strin
   static_cast<void>(suite::Deployment::load(file));  // says what is wrong with a name
   const int domain = domain_of(target, order);
   const fs::path var = folder / "var";
+  fs::create_directories(var);
+  const auto paths = suite::VarPaths::at(var);
+  if (const auto made = paths.make_run_folder(); !made) throw ConfigError(made.error());
+  // For `srfs`, which asks this node as it asks those of a suite.
+  if (const auto written = write_file_atomically(paths.domain_file(), fmt::format("{}\n", domain)); !written)
+    throw ConfigError(written.error().message);
   fmt::print(stderr, "srfs run: {} in domain {}; for srfs: --deployment {} --var {}\n", node, domain,
              file.string(), var.string());
   command = {program, "--name", node, "--deployment", file, "--var", var, "--domain", std::to_string(domain)};
