@@ -34,7 +34,7 @@ std::uint64_t frame_number_of(UtcTime utc) {
 std::uint64_t FrameNumbers::take(std::optional<UtcTime> utc) {
   const std::uint64_t clock = utc ? frame_number_of(*utc) : 0;
   const bool follows = clock >= next_ && clock < reserved_;
-  const bool is_clock = follows || (clock < next_ && next_ - clock <= clock_slack);
+  const bool is_clock = follows || (utc && clock < next_ && next_ - clock <= clock_slack);
   const std::uint64_t least = follows ? clock : next_;
   const std::uint64_t parity = is_clock ? 1 : 0;
   const std::uint64_t number = least % 2 == parity ? least : least + 1;
