@@ -99,7 +99,7 @@ Result<Octets, std::string> Port::read() {
   const ssize_t got = ::read(fd_.get(), octets.data(), octets.size());
   if (got < 0 && (errno == EAGAIN || errno == EINTR)) return Octets{};
   // An empty one; or the answer to an earlier one of ours, that nobody listened there.
-  if (kind_ == Kind::datagrams && (got == 0 || errno == ECONNREFUSED)) return Octets{};
+  if (kind_ == Kind::datagrams && (got == 0 || (got < 0 && errno == ECONNREFUSED))) return Octets{};
   if (got <= 0) return Err(fmt::format("{}: the other end of the link was closed", path_.string()));
   octets.resize(static_cast<std::size_t>(got));
   return octets;
