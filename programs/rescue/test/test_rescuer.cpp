@@ -230,8 +230,9 @@ TEST_F(RescuerOnTheLine, SessionKeysOfTtcAreTakenAndTheFirstFrameUnderANewOneEnd
   send(*wire::make_uplink_cltu({.spacecraft_id = spacecraft, .vc = 1}, wire::TcFrameType::bd, 0, &seal,
                                ping()));
 
-  send(data_frame(wire::TcFrameType::bd, 0, ping()));  // the channels' control words take turns
-  ASSERT_TRUE(await_clcw([](const wire::Clcw& clcw) { return clcw.vc == 1 && clcw.farm_b_counter == 1; }));
+  send(data_frame(wire::TcFrameType::bd, 0, ping()));
+  ASSERT_TRUE(await_clcw([](const wire::Clcw& clcw) { return clcw.vc == 0 && clcw.farm_b_counter == 1; }))
+      << "what came before is done";
   const auto stored = wire::session_key_file(folder / "session_keys").load().state;
   ASSERT_TRUE(stored);
   EXPECT_EQ(stored->use_of(1), (wire::SessionKeys::Use{.spi = 1, .current = 129}));
