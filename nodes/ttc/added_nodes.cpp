@@ -26,22 +26,6 @@ mission::LifecycleState state_of(const NodeFacts& facts, const std::optional<std
   return static_cast<LifecycleState>(told.value_or(static_cast<std::uint8_t>(LifecycleState::transition)));
 }
 
-bool is_sampled(const mission::Structure& structure) {
-  return structure.kind == mission::StructureKind::housekeeping && structure.id != 0;
-}
-
-void add_structure(TtcCore& core, const mission::Structure& structure) {
-  // What ttc samples itself already comes at its period.
-  const bool own = structure.node == core.node();
-  std::size_t text_octets = 0;
-  for (const mission::Field& field : structure.fields) {
-    if (field.type == mission::FieldType::text) text_octets += field.max_text * field.count;
-  }
-  core.housekeeping().add_structure(
-      structure.id, structure.apid, structure.max_size() - text_octets, structure.max_size(),
-      {.enabled = true, .interval = own ? milliseconds(0) : structure.interval});
-}
-
 }  // namespace
 
 // ---- the dictionary
@@ -87,27 +71,20 @@ void AddedNodes::on_loaded(LoadedDictionary loaded, std::uint32_t revision, TtcC
   retired_.push_back({last_end + retired_lifetime, std::move(old)});
 }
 
-void AddedNodes::fill(TtcCore& core) const {
-  for (const mission::Structure& structure : dictionary_.structures()) {
-    if (is_sampled(structure)) add_structure(core, structure);
-  }
-  for (const mission::Event& event : dictionary_.events()) core.events().add_event(event.id);
-  core.events().add_essential_event(mission::event::ttc_retrieval_done);
-}
-
 /// In place of @p old's.
 void AddedNodes::fill_again(TtcCore& core, const mission::Dictionary& old) const {
   const auto same = [](const mission::Structure& a, const mission::Structure& b) {
     return a.name == b.name && a.apid == b.apid && a.max_size() == b.max_size() && a.interval == b.interval;
   };
   for (const mission::Structure& structure : old.structures()) {
-    if (!is_sampled(structure)) continue;
+    if (!TtcCore::is_sampled(structure)) continue;
     const mission::Structure* now_there = dictionary_.structure(structure.id);
     if (now_there == nullptr || !same(*now_there, structure))
       core.housekeeping().remove_structure(structure.id);
   }
   for (const mission::Structure& structure : dictionary_.structures()) {
-    if (is_sampled(structure) && !core.housekeeping().plan(structure.id)) add_structure(core, structure);
+    if (TtcCore::is_sampled(structure) && !core.housekeeping().plan(structure.id))
+      core.add_structure(structure);
   }
   for (const mission::Event& event : old.events()) {
     if (dictionary_.event(event.id) == nullptr) core.events().remove_event(event.id);

@@ -51,9 +51,6 @@ class AddedNodes {
   /// One object for its whole life; its content is replaced.
   [[nodiscard]] const mission::Dictionary& dictionary() const { return dictionary_; }
 
-  /// What the structures and events of the dictionary are to the services 3 and 5.
-  void fill(TtcCore& core) const;
-
   struct Changes {
     std::vector<std::string> left;
     std::vector<std::string> joined;  ///< may be one of those that left, with another APID

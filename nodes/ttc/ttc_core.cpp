@@ -219,7 +219,7 @@ std::optional<MonotonicTime> TtcCore::next_due(MonotonicTime now) const {
   if (monitoring_.is_reporting() || event_actions_.is_reporting()) sooner(now + schedule_retry_period);
   sooner(file_service_.next_due());
   sooner(imaging_.next_due(imaging_time(now)));
-  sooner(files_.next_due(downlink_.room_octets(DownlinkChannel::files)));
+  sooner(files_.next_due(files_room(now)));
   return due;
 }
 

@@ -329,6 +329,11 @@ class TtcCore {
   [[nodiscard]] BeaconBuilder& beacon() { return beacon_; }
   [[nodiscard]] HousekeepingScheduler& housekeeping() { return housekeeping_; }
   [[nodiscard]] EventReporter& events() { return events_; }
+  /// What the structures and events of the dictionary are to the services 3 and 5.
+  void add_reports();
+  /// A structure of the dictionary that a node samples.
+  [[nodiscard]] static bool is_sampled(const mission::Structure& structure);
+  void add_structure(const mission::Structure& structure);
   /// The content of the dictionary was replaced.
   void on_dictionary_changed() {
     monitoring_.monitoring().resolve();
@@ -480,6 +485,8 @@ class TtcCore {
   void report_rekeyed(std::uint16_t spi, std::uint16_t key, const std::string& why);
   void tell_of_file(const cfdp::News& news);
   void feed_playback();
+  /// What files may take of the downlink: room in its queue, and in the mode's budget.
+  [[nodiscard]] std::size_t files_room(MonotonicTime now) const;
   void fill_files();
   /// Of a commit or batch that its worker did not take: they go first.
   void take_back(std::vector<StoreItem> items);

@@ -395,7 +395,7 @@ ros::CallbackReturn TtcNode::on_configure() {
   setup.unusable_keys = std::move(unusable_keys);
   core_ = std::make_unique<TtcCore>(std::move(setup));
   core_->set_ignored_causes(get_parameter<std::vector<std::string>>("ignored_causes"));
-  added_.fill(*core_);
+  core_->add_reports();
   disk_ = std::make_unique<TtcDisk>(
       std::move(parts),
       TtcDisk::Workers{.journal = create_worker("ttc_journal", journal_worker_capacity),

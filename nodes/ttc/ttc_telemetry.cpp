@@ -179,7 +179,7 @@ void TtcCore::on_store_read(const ReadStore& read, std::optional<RetrievedPacket
     retrieval_.fail(read.batch.request);
   }
   for (Octets& packet : to_send) {
-    budget_.spend(packet.size());
+    budget_.spend(packet.size(), now);
     downlink_.push(DownlinkChannel::playback, std::move(packet), false, now);
   }
   stores_.on_pushed(downlink_.pushed_octets(DownlinkChannel::playback));
@@ -192,9 +192,13 @@ void TtcCore::on_read_refused(ReadStore read) {
 
 // ---- files
 
+std::size_t TtcCore::files_room(MonotonicTime now) const {
+  return budget_.room(downlink_.room_octets(DownlinkChannel::files), now);
+}
+
 void TtcCore::fill_files() {
   auto turn = files_.next_turn(
-      budget_.room(downlink_.room_octets(DownlinkChannel::files), now_), now_,
+      files_room(now_), now_,
       {.octets = downlink_.field_octets(), .filled = downlink_.begun_octets(DownlinkChannel::files)});
   if (turn) act(TakeFilesTurn{std::move(*turn)});
 }
@@ -204,7 +208,7 @@ void TtcCore::on_files_turn(Result<cfdp::TransferTurnResult, std::string>& resul
   note_storage(remembered_.files_work, result.has_value(), result ? "" : result.error(), "files");
   if (!result) return files_.on_turn_refused(now);
   for (Octets& packet : files_.on_turn(*result)) {
-    budget_.spend(packet.size());
+    budget_.spend(packet.size(), now);
     downlink_.push(DownlinkChannel::files, std::move(packet), false, now);
   }
   for (const cfdp::News& news : result->news) tell_of_file(news);
@@ -411,6 +415,30 @@ bool TtcCore::on_event(const std::string& node, std::uint16_t event_id, std::uin
 }
 
 // ---- housekeeping
+
+bool TtcCore::is_sampled(const mission::Structure& structure) {
+  return structure.kind == mission::StructureKind::housekeeping && structure.id != 0;
+}
+
+void TtcCore::add_structure(const mission::Structure& structure) {
+  // What ttc samples itself already comes at its period.
+  const bool own = structure.node == node_;
+  std::size_t text_octets = 0;
+  for (const mission::Field& field : structure.fields) {
+    if (field.type == mission::FieldType::text) text_octets += field.max_text * field.count;
+  }
+  housekeeping_.add_structure(structure.id, structure.apid, structure.max_size() - text_octets,
+                              structure.max_size(),
+                              {.enabled = true, .interval = own ? milliseconds(0) : structure.interval});
+}
+
+void TtcCore::add_reports() {
+  for (const mission::Structure& structure : dictionary_.structures()) {
+    if (is_sampled(structure)) add_structure(structure);
+  }
+  for (const mission::Event& event : dictionary_.events()) events_.add_event(event.id);
+  events_.add_essential_event(mission::event::ttc_retrieval_done);
+}
 
 void TtcCore::add_latency(mission::TtcHousekeeping& h) const {
   const LatencyHistogram& latency = acceptance_latency_;

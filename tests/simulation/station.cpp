@@ -22,7 +22,7 @@ constexpr std::size_t most_recent = 8;
 /// What is due is released or dropped so much later at the latest: ttc's schedule_late_max, and the reports.
 constexpr nanoseconds released_after = seconds(60) + seconds(30);
 constexpr nanoseconds right_time = seconds(1);
-constexpr nanoseconds told_after = std::chrono::hours(6);  ///< passes are cut, lines are noisy
+constexpr nanoseconds told_after = seconds(60);
 constexpr nanoseconds latest_tick = seconds(5);
 
 struct Choice {

@@ -134,6 +134,8 @@ class Station {
   void set_line(Line line) { line_ = line; }
   [[nodiscard]] const Line& line() const { return line_; }
   void set_operator(bool works);
+  /// The operator does nothing by itself from now on.
+  void silence() { works_ = false; }
   [[nodiscard]] bool works() const { return works_; }
   /// Sends one telecommand at once, as a BD frame.
   wire::RequestId order(std::string_view name, const std::vector<std::string>& arguments);

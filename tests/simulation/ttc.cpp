@@ -69,6 +69,7 @@ Ttc::Ttc(Host& host, TtcSurroundings surroundings)
 
 void Ttc::start() {
   core_.emplace(read_setup());
+  core_->add_reports();
   open_stores();
   open_files();
   core_->restore(host_.now());

@@ -25,18 +25,22 @@ class DownlinkBudget {
     saved_ = 0;
     at_ = now;
   }
-  [[nodiscard]] std::size_t room(std::size_t wanted, MonotonicTime now) {
+  [[nodiscard]] std::size_t room(std::size_t wanted, MonotonicTime now) const {
     if (!rate_) return wanted;
-    const double elapsed_s = std::chrono::duration<double>(now - at_).count();
-    saved_ = std::min(saved_ + elapsed_s * static_cast<double>(*rate_), static_cast<double>(capacity));
-    at_ = now;
-    return std::min(wanted, static_cast<std::size_t>(std::max(saved_, 0.0)));
+    return std::min(wanted, static_cast<std::size_t>(std::max(saved_at(now), 0.0)));
   }
-  void spend(std::size_t octets) {
-    if (rate_) saved_ -= static_cast<double>(octets);
+  void spend(std::size_t octets, MonotonicTime now) {
+    if (!rate_) return;
+    saved_ = saved_at(now) - static_cast<double>(octets);
+    at_ = now;
   }
 
  private:
+  [[nodiscard]] double saved_at(MonotonicTime now) const {
+    const double elapsed_s = std::chrono::duration<double>(now - at_).count();
+    return std::min(saved_ + elapsed_s * static_cast<double>(*rate_), static_cast<double>(capacity));
+  }
+
   std::optional<std::uint32_t> rate_;
   double saved_ = 0;
   MonotonicTime at_;

@@ -70,7 +70,7 @@ TEST_F(AddedNodesOfTtc, ANodeThatGetsItsApplicationProcessJoinsAnew) {
 TEST_F(AddedNodesOfTtc, AFragmentBringsItsStructuresAndTakesThemAwayAgain) {
   AddedNodes added({});
   const auto core = make_core(added);
-  added.fill(*core);
+  core->add_reports();
   EXPECT_FALSE(core->housekeeping().plan(impact_structure));
   EXPECT_TRUE(added.wants_load(1));
   added.on_load_begun();

@@ -346,7 +346,7 @@ TEST(DownlinkBudgetTest, LetsSoMuchDownInASecondAndSavesUpToOneBatch) {
   budget.set_rate(1000, begin);
   EXPECT_EQ(budget.room(5000, begin), 0U);
   EXPECT_EQ(budget.room(5000, begin + seconds(2)), 2000U);
-  budget.spend(3000);
+  budget.spend(3000, begin + seconds(2));
   EXPECT_EQ(budget.room(5000, begin + seconds(2)), 0U);
   EXPECT_EQ(budget.room(5000, begin + seconds(4)), 1000U);
   EXPECT_EQ(budget.room(10'000'000, begin + seconds(100'000)), DownlinkBudget::capacity);

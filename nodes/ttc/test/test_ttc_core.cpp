@@ -386,7 +386,10 @@ class CommandLoss : public testing::Test {
   static constexpr seconds patience{86'400};
   static constexpr seconds step{3600};
 
-  CommandLoss() {
+  CommandLoss() { fly({}); }
+
+  /// Anew, with these modes.
+  void fly(suite::ModeSettings modes) {
     UplinkConfig uplink;
     uplink.spacecraft_id = spacecraft;
     uplink.cltu.randomized = false;
@@ -411,7 +414,8 @@ class CommandLoss : public testing::Test {
                                  .stores = "",
                                  .keys = {},
                                  .boot = {.count = 1},
-                                 .clock = SpacecraftClock(UtcTime(seconds(1'795'000'000)), now_)});
+                                 .clock = SpacecraftClock(UtcTime(seconds(1'795'000'000)), now_),
+                                 .modes = std::move(modes)});
     core_->activate(now_);
     (void)core_->settle(now_);
   }
@@ -488,6 +492,28 @@ TEST_F(CommandLoss, IsSavedAndSaysWhenItActsNext) {
   EXPECT_LE(core_->next_due(now_).value_or(now_ + std::chrono::hours(1)), now_ + seconds(60));
   const CommandLossTimer next("other boot", stored(saved)->text, patience, MonotonicTime{});
   EXPECT_EQ(next.until_next({}), nanoseconds(patience - seconds(5)));
+}
+
+/// A file that waits for the budget of a mode does not keep ttc busy.
+TEST_F(CommandLoss, FilesBeyondTheBudgetOfAModeAreTriedAtTheScansAlone) {
+  suite::ModeSettings modes;
+  modes.table["nominal"]["ttc"].downlink_octets_s = 1;
+  fly(std::move(modes));
+  int turns = 0;
+  for (int wake = 0; wake < 10; ++wake) {
+    core_->fill_downlink(now_);
+    for (const TtcAction& action : core_->take_actions()) {
+      if (!std::holds_alternative<TakeFilesTurn>(action)) continue;
+      ++turns;
+      Result<cfdp::TransferTurnResult, std::string> result{cfdp::TransferTurnResult{.next_due = now_}};
+      core_->on_files_turn(result, now_);
+    }
+    const auto due = core_->next_due(now_);
+    ASSERT_TRUE(due);
+    ASSERT_GT(*due, now_) << "at once again";
+    (void)after(*due - now_);
+  }
+  EXPECT_GT(turns, 0);
 }
 
 }  // namespace

@@ -45,7 +45,7 @@ class Flight {
 
   /// In the mode, with everything switched on; the cause is about to come.
   void prepare() {
-    spacecraft_.station().set_operator(false);
+    spacecraft_.station().silence();
     wait(seconds(12));
     order("eps.switch_load", {"load=3", "state=on"});
     order("eps.switch_load", {"load=2", "state=on"});
