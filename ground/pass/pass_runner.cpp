@@ -36,6 +36,7 @@ RunEnd PassRunner::run(JournalFile& file, PassJournal& journal, const LineRates&
                        nanoseconds length) {
   file_ = &file;
   journal_ = &journal;
+  if (const auto made = make_folder(); !made) return {.how = RunEnd::How::not_stored, .why = made.error()};
   session_.emplace(plan_, with_journal(items_of(plan_), journal), journal.suspended,
                    PassSession::Settings{.first_questions = FirstContact::questions_of(dictionary_),
                                          .remembers = orders_.link().remembers(),
@@ -109,6 +110,15 @@ void PassRunner::tell_items() {
   }
   told_ = items;
   for (const std::string& note : session_->take_notes()) output_.note(note);
+}
+
+/// A file that comes down for a folder that is not there would be refused.
+Result<void, std::string> PassRunner::make_folder() const {
+  const std::filesystem::path folder = place_.files / PassSession::folder_of(plan_);
+  std::error_code error;
+  std::filesystem::create_directories(folder, error);
+  if (error) return Err(fmt::format("{}: {}", folder.string(), error.message()));
+  return {};
 }
 
 /// Files that are here already: of a run that ended before it knew, or whose journal was lost.

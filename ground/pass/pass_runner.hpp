@@ -52,6 +52,7 @@ class PassRunner {
  private:
   void on_file(const cfdp::News& news);
   void carry_out(const PassAction& action);
+  [[nodiscard]] Result<void, std::string> make_folder() const;
   void take_arrived();
   void take_progress();
   void count_gaps();

@@ -51,12 +51,16 @@ PassSession::PassSession(const PassPlan& plan, std::vector<Item> items, bool sus
   }
 }
 
+std::string PassSession::folder_of(const PassPlan& plan) {
+  return cfdp::safe_name("passes/" + plan.name);
+}
+
 std::string PassSession::target_of(const PassPlan& plan, const Item& item) {
   constexpr std::size_t digits = 8;
   std::string name = split(item.path).second;
   const std::size_t room = name_octets_max - digits - 1;
   if (name.size() > room) name = name.substr(name.size() - room);
-  return cfdp::safe_name(fmt::format("passes/{}/{}-{}", plan.name, item.key.substr(0, digits), name));
+  return cfdp::safe_name(fmt::format("{}/{}-{}", folder_of(plan), item.key.substr(0, digits), name));
 }
 
 PassAction PassSession::order(Purpose purpose, TelecommandText telecommand, std::size_t item) {

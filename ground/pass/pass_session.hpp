@@ -117,6 +117,8 @@ class PassSession {
   /// When next() may have something to do without any news.
   [[nodiscard]] MonotonicTime next_deadline(MonotonicTime now) const;
 
+  /// Where the files of a plan arrive, below STATE/files.
+  [[nodiscard]] static std::string folder_of(const PassPlan& plan);
   /// Where a file of the plan arrives, below STATE/files.
   [[nodiscard]] static std::string target_of(const PassPlan& plan, const Item& item);
 

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 SRFS contributors
 # SPDX-License-Identifier: Apache-2.0
-"""`./run test` runs unit tests under sanitizers alone, but for those marked RELEASE: all that do less under sanitizers must be."""
+"""What `./run test` runs: unit tests under sanitizers alone, but for those marked RELEASE; all system tests."""
 
 import re
 import unittest
@@ -29,3 +29,12 @@ class ReleaseTestsTest(unittest.TestCase):
         does_less = {f for f in unit_tests if DOES_LESS.search(f.read_text(encoding="utf-8"))}
         self.assertGreater(len(does_less), 8)
         self.assertEqual(does_less - release, set())
+
+
+class SystemTestsTest(unittest.TestCase):
+    def test_each_system_test_is_run(self):
+        folder = ROOT / "tests/system"
+        registered = (folder / "CMakeLists.txt").read_text(encoding="utf-8")
+        tests = [f.stem for f in folder.glob("test_*.py") if re.search(r"^    def test_", f.read_text(encoding="utf-8"), re.MULTILINE)]
+        self.assertGreater(len(tests), 60)
+        self.assertEqual([name for name in tests if not re.search(rf"\b{name}\b", registered)], [])
