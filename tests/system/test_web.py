@@ -289,7 +289,8 @@ class WebTest(SystemTest):
                 wait_until(lambda k=key: k in journal.read_text(), DEADLINE_S, "the order is begun")
                 web.kill()  # and with it its gateway
                 ordering.join(DEADLINE_S)
-                self.assertEqual(ended, [], "nobody answered it")
+                # The gateway ends with its server; when it noticed that before its own end, it said what it knows.
+                self.assertIn([(status, answer["outcome"]) for status, answer in ended], ([], [(504, "unknown")]))
                 web.start()
                 status, again = send()
                 self.assertEqual((status, again["outcome"]), (504, "unknown"), again)
