@@ -139,8 +139,17 @@ void Deadline::arm(std::optional<MonotonicTime> at) {
   guard_(std::max(*at - kernel_.now(), nanoseconds(0)), [this, generation = generation_] {
     if (generation != generation_) return;
     armed_.reset();
+    count();
     due_();
   });
+}
+
+void Deadline::count() {
+  if (kernel_.now() - second_begun_ >= seconds(1)) {
+    second_begun_ = kernel_.now();
+    in_this_second_ = 0;
+  }
+  if (++in_this_second_ > most_in_a_second) throw Violation{"no busy loop", "a deadline comes without end"};
 }
 
 }  // namespace srfs::simulation

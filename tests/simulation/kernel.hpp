@@ -128,9 +128,11 @@ class Kernel {
 /// Line of the diagram, also of a trace file.
 [[nodiscard]] std::string to_text(const Step& step);
 
-/// One deadline that is set anew again and again.
+/// One deadline that is set anew again and again. One that comes without end while hardly any time passes is
+/// a violation: whoever sets it would use a whole CPU.
 class Deadline {
  public:
+  static constexpr std::uint64_t most_in_a_second = 20'000;
   /// @param in_time  runs the event, or keeps it from running: the process may have ended
   using Guard = std::function<void(nanoseconds delay, Kernel::Event event)>;
   Deadline(Kernel& kernel, Guard guard, Kernel::Event due)
@@ -141,11 +143,15 @@ class Deadline {
   [[nodiscard]] std::optional<MonotonicTime> armed() const { return armed_; }
 
  private:
+  void count();
+
   Kernel& kernel_;
   Guard guard_;
   Kernel::Event due_;
   std::optional<MonotonicTime> armed_;
   std::uint64_t generation_ = 0;
+  MonotonicTime second_begun_;
+  std::uint64_t in_this_second_ = 0;
 };
 
 }  // namespace srfs::simulation

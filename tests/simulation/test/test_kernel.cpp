@@ -83,6 +83,24 @@ struct SimulationProcess : testing::Test {
   std::vector<int> heard;
 };
 
+TEST(SimulationDeadline, ThatComesWithoutEndIsAViolation) {
+  Kernel kernel(1);
+  int times = 0;
+  std::optional<Deadline> deadline;
+  const Deadline::Guard guard = [&kernel](nanoseconds delay, Kernel::Event event) {
+    kernel.later(delay, std::move(event));
+  };
+  deadline.emplace(kernel, guard, [&] {
+    if (++times < 40'000) deadline->arm(kernel.now() + milliseconds(1));
+  });
+  deadline->arm(kernel.now());
+  EXPECT_NO_THROW(kernel.run_until(kernel.now() + seconds(60)));
+  EXPECT_EQ(times, 40'000);
+  deadline.emplace(kernel, guard, [&] { deadline->arm(kernel.now()); });
+  deadline->arm(kernel.now());
+  EXPECT_THROW(kernel.run_until(kernel.now() + seconds(1)), Violation);
+}
+
 TEST_F(SimulationProcess, MessagesComeInOrderFromTheDiscoveryOn) {
   begin(writer);
   begin(reader);
