@@ -486,7 +486,7 @@ class TtcCore {
   void tell_of_file(const cfdp::News& news);
   void feed_playback();
   /// What files may take of the downlink: room in its queue, and in the mode's budget.
-  [[nodiscard]] std::size_t files_room(MonotonicTime now) const;
+  [[nodiscard]] FilesRoom files_room(MonotonicTime now) const;
   void fill_files();
   /// Of a commit or batch that its worker did not take: they go first.
   void take_back(std::vector<StoreItem> items);

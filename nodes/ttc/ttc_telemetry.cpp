@@ -159,7 +159,8 @@ void TtcCore::feed_playback() {
     send_behind_ends(event);
   }
   persist_journal();
-  const std::size_t room = budget_.room(downlink_.room_octets(DownlinkChannel::playback), now_);
+  const std::size_t room =
+      budget_.room(DownlinkBudget::Share::playback, downlink_.room_octets(DownlinkChannel::playback), now_);
   if (const auto batch = retrieval_.next_batch(room))
     act(ReadStore{.batch = *batch, .open_retrieval = false, .items = std::exchange(to_store_, {})});
   if (!reaction().open_retrieval) return;
@@ -179,7 +180,7 @@ void TtcCore::on_store_read(const ReadStore& read, std::optional<RetrievedPacket
     retrieval_.fail(read.batch.request);
   }
   for (Octets& packet : to_send) {
-    budget_.spend(packet.size(), now);
+    budget_.spend(DownlinkBudget::Share::playback, packet.size(), now);
     downlink_.push(DownlinkChannel::playback, std::move(packet), false, now);
   }
   stores_.on_pushed(downlink_.pushed_octets(DownlinkChannel::playback));
@@ -192,8 +193,9 @@ void TtcCore::on_read_refused(ReadStore read) {
 
 // ---- files
 
-std::size_t TtcCore::files_room(MonotonicTime now) const {
-  return budget_.room(downlink_.room_octets(DownlinkChannel::files), now);
+FilesRoom TtcCore::files_room(MonotonicTime now) const {
+  const std::size_t queue = downlink_.room_octets(DownlinkChannel::files);
+  return {queue, budget_.room(DownlinkBudget::Share::files, queue, now)};
 }
 
 void TtcCore::fill_files() {
@@ -208,7 +210,7 @@ void TtcCore::on_files_turn(Result<cfdp::TransferTurnResult, std::string>& resul
   note_storage(remembered_.files_work, result.has_value(), result ? "" : result.error(), "files");
   if (!result) return files_.on_turn_refused(now);
   for (Octets& packet : files_.on_turn(*result)) {
-    budget_.spend(packet.size(), now);
+    budget_.spend(DownlinkBudget::Share::files, packet.size(), now);
     downlink_.push(DownlinkChannel::files, std::move(packet), false, now);
   }
   for (const cfdp::News& news : result->news) tell_of_file(news);

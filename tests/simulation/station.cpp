@@ -376,7 +376,6 @@ Station::Station(Kernel& kernel, const mission::Dictionary& dictionary, const su
       downlink_(link),
       commanding_(dictionary),
       ad_(0, {}),
-      counter_(static_cast<std::uint64_t>(1'795'000'000) * 1000),
       ad_timer_(
           kernel,
           [&kernel](nanoseconds delay, Kernel::Event event) { kernel.later(delay, std::move(event)); },
@@ -548,15 +547,20 @@ void Station::send_bd(const Queued& telecommand) {
   uplink(std::move(*cltu));
 }
 
+/// Follows the clock, as those of srfs-ground do.
+std::uint64_t Station::next_counter() {
+  return counter_ = std::max(counter_ + 1, clock_counter(utc()));
+}
+
 std::optional<Octets> Station::frame(wire::TcFrameType type, std::uint8_t sequence, OctetView packet) {
-  const wire::SdlsSeal seal{key_, spi_bd, counter_++};
+  const wire::SdlsSeal seal{key_, spi_bd, next_counter()};
   auto cltu = wire::make_uplink_cltu(channel_, type, sequence, &seal, packet);
   return cltu ? std::optional(std::move(*cltu)) : std::nullopt;
 }
 
 std::optional<Octets> Station::control_frame(wire::ControlCommand command) {
   if (!channel_.whole_header) return wire::make_control_cltu(channel_, command);
-  auto cltu = wire::make_secured_control_cltu(channel_, command, {key_, spi_bd, counter_++});
+  auto cltu = wire::make_secured_control_cltu(channel_, command, {key_, spi_bd, next_counter()});
   return cltu ? std::optional(std::move(*cltu)) : std::nullopt;
 }
 

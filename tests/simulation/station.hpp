@@ -161,6 +161,7 @@ class Station {
   void on_cadu(const Octets& cadu);
   void handle_ad();
   void note_ad();
+  std::uint64_t next_counter();
   [[nodiscard]] std::optional<Octets> frame(wire::TcFrameType type, std::uint8_t sequence, OctetView packet);
   [[nodiscard]] std::optional<Octets> control_frame(wire::ControlCommand command);
   [[nodiscard]] bool passes_line(Octets& octets, Random& random);

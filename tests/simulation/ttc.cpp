@@ -149,6 +149,7 @@ TtcCore::Setup Ttc::read_setup() {
                        .keys = {},
                        .boot = {.count = around_.boot_count},
                        .clock = SpacecraftClock(unknown_utc, host_.now()),
+                       .lifetime = seconds(600),
                        .modes = around_.modes,
                        .begun = host_.now()};
   (void)around_.disk.write_now("ttc/mode", octets_of_text(setup.mode.stored_text()));

@@ -22,9 +22,9 @@ void FileExchange::on_packet(OctetView packet) {
   }
 }
 
-std::optional<cfdp::TransferTurn> FileExchange::next_turn(std::size_t room_octets, MonotonicTime now,
+std::optional<cfdp::TransferTurn> FileExchange::next_turn(FilesRoom room, MonotonicTime now,
                                                           cfdp::FrameFill frame) {
-  const auto due = next_due(room_octets);
+  const auto due = next_due(room);
   if (!due || now < *due) return std::nullopt;
   running_ = true;
   changed_ = false;
@@ -33,7 +33,7 @@ std::optional<cfdp::TransferTurn> FileExchange::next_turn(std::size_t room_octet
   const auto end = received_.begin() + static_cast<std::ptrdiff_t>(taken);
   cfdp::TransferTurn turn{
       .received = {std::make_move_iterator(received_.begin()), std::make_move_iterator(end)},
-      .room_octets = may_send(room_octets) ? room_octets : 0,
+      .room_octets = may_send(room) ? room.octets : 0,
       .pdu_octets_max = pdu_octets_max,
       .overhead_octets = wire::packet_header_octets,
       .frame = frame,
@@ -66,11 +66,15 @@ void FileExchange::on_turn_refused(MonotonicTime now) {
   scan_at_ = not_before_;
 }
 
-std::optional<MonotonicTime> FileExchange::next_due(std::size_t room_octets) const {
+bool FileExchange::may_send(FilesRoom room) const {
+  return room.queue >= refill_octets_ && room.octets >= pdu_octets_max + wire::packet_header_octets;
+}
+
+std::optional<MonotonicTime> FileExchange::next_due(FilesRoom room) const {
   if (running_) return std::nullopt;
   MonotonicTime due = scan_at_;
   if (!received_.empty() || contact_ || changed_) due = MonotonicTime();
-  if (transfer_due_ && may_send(room_octets)) due = std::min(due, *transfer_due_);
+  if (transfer_due_ && may_send(room)) due = std::min(due, *transfer_due_);
   return std::max(due, not_before_);
 }
 

@@ -20,6 +20,17 @@ struct FileExchangeCounters {
   std::uint64_t malformed = 0;  ///< packets of the APID that carry no PDU
 };
 
+/// Octets that files may send now.
+struct FilesRoom {
+  /// @param may_send  of them, where a mode bounds the downlink
+  FilesRoom(std::size_t in_queue, std::size_t may_send) : queue(in_queue), octets(may_send) {}
+  // NOLINTNEXTLINE(google-explicit-constructor): nothing but the queue bounds them
+  FilesRoom(std::size_t in_queue) : FilesRoom(in_queue, in_queue) {}
+
+  std::size_t queue;   ///< room in the downlink's queue
+  std::size_t octets;  ///< the same or less
+};
+
 /// Between the link, which never waits, and the folders of files, which may wait for the disk: collects PDUs
 /// and says when the worker of the folders has something to do. One turn at a time. Pure.
 class FileExchange {
@@ -31,7 +42,7 @@ class FileExchange {
   static constexpr milliseconds retry_period{1000};  ///< after a worker without room
 
   /// @param refill_octets room in the downlink's queue from which on it is filled again; pdu_octets_max and
-  /// its packet header at least
+  /// its packet header at least, which is also what a mode must allow
   explicit FileExchange(std::size_t refill_octets) : refill_octets_(refill_octets) {}
 
   /// A Space Packet of APID 2045.
@@ -42,21 +53,20 @@ class FileExchange {
   /// Something was changed at the folders between turns.
   void on_change() { changed_ = true; }
 
-  /// The next turn, when one is due. @param room_octets of the downlink's queue @param frame where its next
-  /// packet comes to lie
-  [[nodiscard]] std::optional<cfdp::TransferTurn> next_turn(std::size_t room_octets, MonotonicTime now,
+  /// The next turn, when one is due. @param frame where the next packet of the downlink comes to lie
+  [[nodiscard]] std::optional<cfdp::TransferTurn> next_turn(FilesRoom room, MonotonicTime now,
                                                             cfdp::FrameFill frame = {});
   /// @return Space Packets for the downlink
   [[nodiscard]] std::vector<Octets> on_turn(cfdp::TransferTurnResult& result);
   /// The worker did not take the turn, or could not open the folders: what was in it is lost, as on the line.
   void on_turn_refused(MonotonicTime now);
   /// When next_turn() has something without another input; room that is missing is another input.
-  [[nodiscard]] std::optional<MonotonicTime> next_due(std::size_t room_octets) const;
+  [[nodiscard]] std::optional<MonotonicTime> next_due(FilesRoom room) const;
 
   [[nodiscard]] const FileExchangeCounters& counters() const { return counters_; }
 
  private:
-  [[nodiscard]] bool may_send(std::size_t room_octets) const { return room_octets >= refill_octets_; }
+  [[nodiscard]] bool may_send(FilesRoom room) const;
 
   std::size_t refill_octets_;
   std::vector<Octets> received_;

@@ -350,7 +350,7 @@ void EventActionService::on_known_release(const AcceptedTelecommand& known) {
 std::vector<mission::EventActionDroppedEvent> EventActionService::drop_overdue(MonotonicTime now) {
   std::vector<mission::EventActionDroppedEvent> dropped;
   std::erase_if(waiting_, [&](const Waiting& waiting) {
-    if (waiting.telecommand != 0 || now - waiting.since <= nanoseconds(longest_wait)) return false;
+    if (waiting.telecommand != 0 || now - waiting.since < nanoseconds(longest_wait)) return false;
     ++counters_.dropped;
     mission::EventActionDroppedEvent event;
     event.event = waiting.key.event;

@@ -236,9 +236,9 @@ TEST_F(EventActions, AllActionsTogetherAreBoundedTooAndNoneIsForgotten) {
 TEST_F(EventActions, WhatWaitsTooLongIsDroppedAndSaid) {
   define("eps.battery_low", "eps.switch_load load=2 state=off");
   service_->on_event(eps, low, now_);
-  now_ = now_ + EventActionService::longest_wait;
+  now_ = now_ + EventActionService::longest_wait - nanoseconds(1);
   EXPECT_TRUE(service_->drop_overdue(now_).empty());
-  now_ = now_ + seconds(1);
+  now_ = now_ + nanoseconds(1);
   const auto dropped = service_->drop_overdue(now_);
   ASSERT_EQ(dropped.size(), 1U);
   EXPECT_EQ(dropped.front().event, low);

@@ -126,5 +126,17 @@ TEST_F(FileExchangeTest, AWorkerWithoutRoomIsAskedAgainLater) {
   EXPECT_TRUE(exchange_.next_turn(room, start + FileExchange::retry_period));
 }
 
+/// A mode that lets little down at once does not keep files, and the answers to those that come up, waiting.
+TEST_F(FileExchangeTest, APduIsEnoughWhereAModeBoundsTheRoom) {
+  const std::size_t pdu = FileExchange::pdu_octets_max + 6;
+  run({.next_due = start});
+  EXPECT_FALSE(exchange_.next_turn(FilesRoom(room, pdu - 1), start));
+  EXPECT_GT(exchange_.next_due(FilesRoom(room, pdu - 1)), start);
+  EXPECT_FALSE(exchange_.next_turn(FilesRoom(4095, pdu), start)) << "the queue is too full";
+  const auto turn = exchange_.next_turn(FilesRoom(room, pdu), start);
+  ASSERT_TRUE(turn);
+  EXPECT_EQ(turn->room_octets, pdu);
+}
+
 }  // namespace
 }  // namespace srfs

@@ -340,20 +340,58 @@ TEST(ModeKeepingV2, AnyDamageMeansSafeWithANumberThatWasNeverGivenOut) {
   }
 }
 
-TEST(DownlinkBudgetTest, LetsSoMuchDownInASecondAndSavesUpToOneBatch) {
+TEST(DownlinkBudgetTest, LetsHalfTheRateDownForEachAndSavesUpToOneBatch) {
+  using enum DownlinkBudget::Share;
   DownlinkBudget budget;
-  EXPECT_EQ(budget.room(5000, begin), 5000U);  // no bound
-  budget.set_rate(1000, begin);
-  EXPECT_EQ(budget.room(5000, begin), 0U);
-  EXPECT_EQ(budget.room(5000, begin + seconds(2)), 2000U);
-  budget.spend(3000, begin + seconds(2));
-  EXPECT_EQ(budget.room(5000, begin + seconds(2)), 0U);
-  EXPECT_EQ(budget.room(5000, begin + seconds(4)), 1000U);
-  EXPECT_EQ(budget.room(10'000'000, begin + seconds(100'000)), DownlinkBudget::capacity);
+  EXPECT_EQ(budget.room(files, 5000, begin), 5000U);  // no bound
+  budget.set_rate(2000, begin);
+  EXPECT_EQ(budget.room(files, 5000, begin), 0U);
+  EXPECT_EQ(budget.room(files, 5000, begin + seconds(2)), 2000U);
+  EXPECT_EQ(budget.room(playback, 5000, begin + seconds(2)), 2000U);
+  budget.spend(files, 3000, begin + seconds(2));
+  EXPECT_EQ(budget.room(files, 5000, begin + seconds(2)), 0U);
+  EXPECT_EQ(budget.room(playback, 5000, begin + seconds(2)), 2000U) << "its own";
+  EXPECT_EQ(budget.room(files, 5000, begin + seconds(4)), 1000U);
+  EXPECT_EQ(budget.room(files, 10'000'000, begin + seconds(100'000)), DownlinkBudget::capacity);
   budget.set_rate(0, begin);
-  EXPECT_EQ(budget.room(5000, begin + seconds(100)), 0U);
+  EXPECT_EQ(budget.room(files, 5000, begin + seconds(100)), 0U);
   budget.set_rate(std::nullopt, begin);
-  EXPECT_EQ(budget.room(5000, begin), 5000U);
+  EXPECT_EQ(budget.room(files, 5000, begin), 5000U);
+}
+
+TEST(DownlinkBudgetTest, GivesTheWholeRateToOneWhileTheOtherTakesNothing) {
+  using enum DownlinkBudget::Share;
+  DownlinkBudget budget;
+  budget.set_rate(2000, begin);
+  MonotonicTime now = begin + seconds(1000);
+  std::size_t taken = 0;
+  for (int i = 0; i < 100; ++i) {
+    const std::size_t room = budget.room(playback, 100'000, now);
+    budget.spend(playback, room, now);
+    taken += room;
+    now = now + seconds(1);
+  }
+  EXPECT_NEAR(static_cast<double>(taken), static_cast<double>(DownlinkBudget::capacity) + 99.0 * 2000, 200);
+}
+
+/// However much each takes at once.
+TEST(DownlinkBudgetTest, NeitherStarvesBesideTheOther) {
+  using enum DownlinkBudget::Share;
+  for (const auto& [batch, turn] :
+       {std::pair{8192U, 1006U}, std::pair{8192U, 16'128U}, std::pair{1000U, 30'000U}}) {
+    DownlinkBudget budget;
+    budget.set_rate(4000, begin);
+    std::size_t played = 0;
+    std::size_t sent = 0;
+    for (int tenth = 0; tenth < 6000; ++tenth) {
+      const MonotonicTime now = begin + tenth * milliseconds(100);
+      if (budget.room(playback, 100'000, now) >= batch) budget.spend(playback, batch, now), played += batch;
+      if (budget.room(files, 100'000, now) >= turn) budget.spend(files, turn, now), sent += turn;
+    }
+    EXPECT_GE(played, 1'100'000U);
+    EXPECT_GE(sent, 1'100'000U);
+    EXPECT_LE(played + sent, 2'400'000U);
+  }
 }
 
 TEST(ModeObedienceTest, TellsWhoObeysByEventAndByHousekeeping) {
