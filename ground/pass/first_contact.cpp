@@ -258,7 +258,7 @@ void FirstContact::next_question() {
 void FirstContact::on_end(std::uint64_t tag, const OrderEnd& end, MonotonicTime now) {
   if (current_ != tag) return;
   current_.reset();
-  constexpr unsigned losses_max = 3;
+  constexpr unsigned losses_max = 5;
   const bool as_wanted = end.how == OrderEnd::How::as_wanted;
   const bool came_through = as_wanted || end.how == OrderEnd::How::otherwise;
   answered_ = answered_ || came_through;
@@ -268,7 +268,8 @@ void FirstContact::on_end(std::uint64_t tag, const OrderEnd& end, MonotonicTime 
       if (!came_through) resting_until_ = now + call_period;
       return;
     case Step::ask:
-      if (came_through || ++losses_ == losses_max) return next_question();
+      // Refused is not answered: a node that has just started has sampled nothing yet.
+      if (as_wanted || ++losses_ == losses_max) return next_question();
       resting_until_ = now + PassSession::rest;
       return;
     case Step::set_time:
@@ -285,8 +286,8 @@ void FirstContact::on_end(std::uint64_t tag, const OrderEnd& end, MonotonicTime 
   }
 }
 
-MonotonicTime FirstContact::next_deadline() const {
-  return resting_until_ ? std::min(*resting_until_, deadline_) : deadline_;
+MonotonicTime FirstContact::next_deadline(MonotonicTime now) const {
+  return resting_until_ && now < *resting_until_ ? std::min(*resting_until_, deadline_) : deadline_;
 }
 
 ContactEnd run_first_contact(const mission::Dictionary& dictionary, std::unique_ptr<StationLink> link,
@@ -299,7 +300,8 @@ ContactEnd run_first_contact(const mission::Dictionary& dictionary, std::unique_
   while (!procedure.is_over(monotonic_now()) && !orders.interrupted()) {
     if (const auto action = procedure.next(monotonic_now(), system_utc_now(), orders.latest()))
       orders.send(*action);
-    if (!orders.wait(std::min(procedure.next_deadline(), monotonic_now() + longest_wait))) break;
+    if (!orders.wait(std::min(procedure.next_deadline(monotonic_now()), monotonic_now() + longest_wait)))
+      break;
     if (const auto ended = orders.take_end()) procedure.on_end(ended->tag, ended->end, monotonic_now());
   }
   const bool beacon =

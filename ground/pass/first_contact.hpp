@@ -63,7 +63,7 @@ class FirstContact {
   [[nodiscard]] bool answered() const { return answered_; }
   /// What it did that cannot be undone, or could not do.
   [[nodiscard]] const std::vector<Finding>& findings() const { return findings_; }
-  [[nodiscard]] MonotonicTime next_deadline() const;
+  [[nodiscard]] MonotonicTime next_deadline(MonotonicTime now) const;
 
   /// What is asked, as far as the mission has it.
   [[nodiscard]] static std::vector<TelecommandText> questions_of(const mission::Dictionary& dictionary);

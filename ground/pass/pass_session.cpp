@@ -494,7 +494,7 @@ std::optional<std::string> PassSession::over(MonotonicTime now) const {
 MonotonicTime PassSession::next_deadline(MonotonicTime now) const {
   MonotonicTime next = now < set_ - closing ? set_ - closing : set_;
   if (resting_until_ && now < *resting_until_) next = std::min(next, *resting_until_);
-  if (waiting_until_) next = std::min(next, *waiting_until_);
+  if (waiting_until_ && now < *waiting_until_) next = std::min(next, *waiting_until_);
   for (const auto& [i, time] : look_again_) {
     if (now < time) next = std::min(next, time);
   }

@@ -171,8 +171,26 @@ TEST(FirstContact, LeavesAQuestionThatIsNeverAnswered) {
     }
     now += seconds(1);
   }
-  EXPECT_EQ(sent, 7U);
+  EXPECT_EQ(sent, 11U);
   EXPECT_TRUE(contact.answered());
+}
+
+/// A node that has just started has sampled nothing yet.
+TEST(FirstContact, AsksAgainForWhatIsRefused) {
+  FirstContact contact(questions, false, start + seconds(100));
+  MonotonicTime now = start;
+  std::map<std::string, int> asked;
+  while (!contact.is_over(now)) {
+    EXPECT_GT(contact.next_deadline(now), now) << "nobody waits for what has passed";
+    if (const auto action = contact.next(now, utc, {})) {
+      const bool call = action->telecommand.name == "ttc.ping";
+      const int times = call ? 3 : ++asked[action->telecommand.arguments.front()];
+      contact.on_end(action->tag, {.how = times < 3 ? How::otherwise : How::as_wanted}, now);
+    }
+    now += seconds(1);
+  }
+  EXPECT_EQ(asked, (std::map<std::string, int>{{"structure=beacon", 3}, {"structure=health", 3}}));
+  EXPECT_LT(now, start + seconds(100));
 }
 
 TEST(FirstContact, EndsAtItsDeadlineWithoutAnAnswer) {
