@@ -172,7 +172,7 @@ void print_statistics(const std::string& node, const GetExecutorStatistics::Resp
   fmt::print("{:<47}{:>10}{:>9}{:>9}{:>9}{:>9}{:>9}{:>11}{:>9}\n", "INPUT", "RECEIVED", "LOST", "BAD",
              "FOREIGN", "REPEATS", "REFUSED", "UNANSWERED", "WRITERS");
   for (const auto& i : all.inputs) {
-    if (i.received + i.lost + i.malformed == 0) continue;
+    if (i.received + i.lost + i.malformed + i.foreign + i.refused == 0) continue;
     fmt::print("{:<47}{:>10}{:>9}{:>9}{:>9}{:>9}{:>9}{:>11}{:>9}\n", i.name, i.received, i.lost, i.malformed,
                i.foreign, i.repeats, i.refused, i.unanswered, i.matched);
   }
