@@ -10,6 +10,7 @@
 #include <poll.h>
 #include <unistd.h>
 
+#include "base/random_octets.hpp"
 #include "ground/files.hpp"
 #include "ground/local_socket.hpp"
 #include "ground/uplink.hpp"
@@ -239,7 +240,7 @@ void ServedLink::take_welcome() {
 std::string ServedLink::new_token() {
   if (token_.empty()) {
     Octets random(16);
-    if (::getentropy(random.data(), random.size()) != 0) random.assign(random.size(), 0);
+    if (!fill_random(random)) random.assign(random.size(), 0);
     token_ = to_hex(random) + fmt::format("-{}-{}", ::getpid(), system_utc_now().ns());
   }
   return fmt::format("{}-{}", token_, tokens_++);

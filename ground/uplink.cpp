@@ -3,15 +3,16 @@
 #include "ground/uplink.hpp"
 
 #include <algorithm>
+#include <array>
 #include <cerrno>
 
 #include <fmt/format.h>
-#include <sys/random.h>
 #include <sys/stat.h>
 #include <nlohmann/json.hpp>
 
 #include "base/fd.hpp"
 #include "base/file.hpp"
+#include "base/random_octets.hpp"
 #include "base/text.hpp"
 #include "ground/key_change.hpp"
 #include "wire/sdls_procedures.hpp"
@@ -248,13 +249,13 @@ Result<Uplink, std::string> Uplink::open(const suite::LinkSettings& link,
   const auto& chosen = secured == link.channels.end() ? link.channels.front() : *secured;
   auto state = UplinkState::open(state_dir / "uplink.json", now, link.tc_strict);
   if (!state) return Err(state.error());
-  std::uint32_t drawn = 0;
-  if (getrandom(&drawn, sizeof drawn, 0) != sizeof drawn)
+  std::array<std::uint8_t, 3> drawn{};
+  if (!fill_random(drawn))
     return Err(fmt::format("no random number for the initialisation vectors: {}", errno_text(errno)));
   Uplink uplink({static_cast<std::uint16_t>(link.spacecraft_id),
                  static_cast<std::uint8_t>(chosen.virtual_channel), link.tc_randomizer, link.tc_strict},
                 std::move(*state));
-  if (link.tc_strict) uplink.sender_ = static_cast<std::uint32_t>(station) << 24 | (drawn & 0xFFFFFF);
+  if (link.tc_strict) uplink.sender_ = static_cast<std::uint32_t>(station) << 24 | OctetReader(drawn).u24();
   if (uplink.sender_ == wire::answering_sender) --uplink.sender_;
   uplink.secured_ = secured != link.channels.end();
   uplink.forced_ = forced.has_value();

@@ -14,7 +14,6 @@
 #include <fmt/format.h>
 #include <sys/epoll.h>
 #include <sys/file.h>
-#include <sys/random.h>
 #include <sys/stat.h>
 #include <unistd.h>
 #include <CLI/CLI.hpp>
@@ -23,6 +22,7 @@
 #include "base/file.hpp"
 #include "base/log.hpp"
 #include "base/private_file.hpp"
+#include "base/random_octets.hpp"
 #include "base/signals.hpp"
 #include "base/version.hpp"
 #include "hw_sim/cpu_priority.hpp"
@@ -89,8 +89,7 @@ void create_test_key(const path& file) {
   if (std::filesystem::exists(file)) return;
   std::filesystem::create_directories(file.parent_path());
   std::array<std::uint8_t, 32> key{};
-  if (getrandom(key.data(), key.size(), 0) != static_cast<ssize_t>(key.size()))
-    throw std::runtime_error("cannot get random numbers");
+  if (!fill_random(key)) throw std::runtime_error("cannot get random numbers");
   const Fd fd(open(file.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0600));
   const std::string text = to_hex(key) + '\n';
   if (!fd || write(fd.get(), text.data(), text.size()) != static_cast<ssize_t>(text.size())) {

@@ -13,6 +13,7 @@
 
 #include "base/file.hpp"
 #include "base/octets.hpp"
+#include "base/random_octets.hpp"
 #include "base/sha256.hpp"
 
 namespace srfs::ground::api {
@@ -41,8 +42,7 @@ HostName host_name_of(std::string_view host) {
 
 Result<std::string, std::string> new_token() {
   Octets random(token_octets);
-  if (::getentropy(random.data(), random.size()) != 0)
-    return Err(fmt::format("no random octets: {}", errno_text(errno)));
+  if (!fill_random(random)) return Err(fmt::format("no random octets: {}", errno_text(errno)));
   return to_hex(random);
 }
 

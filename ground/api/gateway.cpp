@@ -13,6 +13,7 @@
 #include <sys/eventfd.h>
 #include <unistd.h>
 
+#include "base/random_octets.hpp"
 #include "ground/files.hpp"
 #include "ground/station_status.hpp"
 
@@ -50,7 +51,7 @@ Result<std::unique_ptr<Gateway>, std::string> Gateway::open(const mission::Dicti
   gateway->line_open_ = link->line_was_open();
   gateway->station_ = std::make_unique<Station>(dictionary, std::move(link), gateway->output());
   Octets random(8);
-  if (::getentropy(random.data(), random.size()) != 0) return Err(std::string("no random octets"));
+  if (!fill_random(random)) return Err(std::string("no random octets"));
   gateway->token_prefix_ = to_hex(random);
   // What came before is known from the archive; what comes from now on waits in the socket.
   if (const auto archive = open_archive(place, ArchiveUse::read)) {

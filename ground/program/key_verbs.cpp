@@ -1,12 +1,11 @@
 // SPDX-FileCopyrightText: 2026 SRFS contributors
 // SPDX-License-Identifier: Apache-2.0
-#include <algorithm>
 #include <array>
 #include <cstdio>
 
 #include <fmt/format.h>
-#include <sys/random.h>
 
+#include "base/random_octets.hpp"
 #include "ground/key_change.hpp"
 #include "ground/program/verbs.hpp"
 #include "ground/uplink.hpp"
@@ -14,11 +13,10 @@
 namespace srfs::ground::program {
 namespace {
 
-/// Of the operating system; fewer where it has none.
+/// None where the operating system has none.
 Octets drawn(std::size_t octets) {
   Octets random(octets);
-  const ssize_t got = getrandom(random.data(), random.size(), 0);
-  random.resize(static_cast<std::size_t>(std::max<ssize_t>(got, 0)));
+  if (!fill_random(random)) random.clear();
   return random;
 }
 

@@ -19,6 +19,7 @@
 #include "ground/archive/recorder.hpp"
 #include "ground/archive/sqlite_database.hpp"
 #include "ground/station_status.hpp"
+#include "tests/mission_dictionary.hpp"
 #include "tests/postgresql_cluster.hpp"
 #include "tests/temporary_folder.hpp"
 
@@ -28,11 +29,7 @@ namespace {
 using ::testing::ElementsAre;
 using ::testing::HasSubstr;
 using ::testing::IsEmpty;
-
-const mission::Dictionary& dictionary() {
-  static const auto loaded = mission::Dictionary::load(std::string(SRFS_SOURCE_DIR) + "/mission");
-  return loaded;
-}
+using testing_support::dictionary;
 
 const UtcTime start = *from_iso8601("2026-11-21T08:00:00Z");
 

@@ -6,14 +6,12 @@
 
 #include "ground/commanding.hpp"
 #include "ground/telemetry.hpp"
+#include "tests/mission_dictionary.hpp"
 
 namespace srfs::ground {
 namespace {
 
-const mission::Dictionary& dictionary() {
-  static const auto loaded = mission::Dictionary::load(std::string(SRFS_SOURCE_DIR) + "/mission");
-  return loaded;
-}
+using testing_support::dictionary;
 
 constexpr wire::RequestId request{0x1811, 0xc003};
 constexpr MonotonicTime start{seconds(100)};

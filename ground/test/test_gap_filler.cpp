@@ -5,17 +5,14 @@
 #include <mission/structures.hpp>
 
 #include "ground/archive/gap_filler.hpp"
+#include "tests/mission_dictionary.hpp"
 
 namespace srfs::ground {
 namespace {
 
 using ::testing::ElementsAre;
 using ::testing::IsEmpty;
-
-const mission::Dictionary& dictionary() {
-  static const auto loaded = mission::Dictionary::load(std::string(SRFS_SOURCE_DIR) + "/mission");
-  return loaded;
-}
+using testing_support::dictionary;
 
 const UtcTime start = *from_iso8601("2026-11-21T08:00:00Z");
 

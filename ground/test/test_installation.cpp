@@ -1,6 +1,7 @@
 // SPDX-FileCopyrightText: 2026 SRFS contributors
 // SPDX-License-Identifier: Apache-2.0
 #include "ground/installation.hpp"
+#include "tests/mission_dictionary.hpp"
 
 #include <gmock/gmock.h>
 
@@ -9,10 +10,7 @@
 namespace srfs::ground {
 namespace {
 
-const mission::Dictionary& dictionary() {
-  static const auto loaded = mission::Dictionary::load(std::string(SRFS_SOURCE_DIR) + "/mission");
-  return loaded;
-}
+using testing_support::dictionary;
 
 const std::string file = "payload_eps_7.pkg";
 

@@ -10,19 +10,17 @@
 #include <utility>
 
 #include "nodes/ttc/services/key_management_service.hpp"
+#include "tests/mission_dictionary.hpp"
 #include "wire/tc_uplink.hpp"
 
 namespace srfs::ground {
 namespace {
 
+using testing_support::dictionary;
+
 constexpr std::uint16_t spi = 1;
 constexpr std::uint16_t contingency_spi = 5;
 constexpr std::uint16_t spacecraft_id = 0xAB;
-
-const mission::Dictionary& dictionary() {
-  static const auto loaded = mission::Dictionary::load(std::string(SRFS_SOURCE_DIR) + "/mission");
-  return loaded;
-}
 
 wire::SdlsKey key(std::uint8_t first) {
   return wire::SdlsKey({first, 0x5A, 0x17});

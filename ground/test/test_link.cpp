@@ -17,17 +17,14 @@
 #include "ground/downlink.hpp"
 #include "ground/link.hpp"
 #include "ground/uplink.hpp"
+#include "tests/mission_dictionary.hpp"
 #include "wire/time_packet.hpp"
 
 namespace srfs::ground {
 namespace {
 
 using ::testing::HasSubstr;
-
-const mission::Dictionary& dictionary() {
-  static const auto loaded = mission::Dictionary::load(std::string(SRFS_SOURCE_DIR) + "/mission");
-  return loaded;
-}
+using testing_support::dictionary;
 
 const UtcTime now = *from_iso8601("2026-11-21T08:00:00Z");
 

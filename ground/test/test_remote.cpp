@@ -1,6 +1,7 @@
 // SPDX-FileCopyrightText: 2026 SRFS contributors
 // SPDX-License-Identifier: Apache-2.0
 #include "ground/remote.hpp"
+#include "tests/mission_dictionary.hpp"
 
 #include <gmock/gmock.h>
 
@@ -9,13 +10,10 @@
 namespace srfs::ground {
 namespace {
 
+using testing_support::dictionary;
+
 using testing::ElementsAre;
 using testing::HasSubstr;
-
-const mission::Dictionary& dictionary() {
-  static const auto loaded = mission::Dictionary::load(std::string(SRFS_SOURCE_DIR) + "/mission");
-  return loaded;
-}
 
 /// The telecommands as "name argument argument", one per line. The dictionary must accept each of them.
 std::string asked(const std::string& action, const std::vector<std::string>& words = {}) {

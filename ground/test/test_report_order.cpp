@@ -4,16 +4,14 @@
 #include <gtest/gtest.h>
 
 #include "ground/report_order.hpp"
+#include "tests/mission_dictionary.hpp"
 
 namespace srfs::ground {
 namespace {
 
-constexpr MonotonicTime start{seconds(100)};
+using testing_support::dictionary;
 
-const mission::Dictionary& dictionary() {
-  static const auto loaded = mission::Dictionary::load(std::string(SRFS_SOURCE_DIR) + "/mission");
-  return loaded;
-}
+constexpr MonotonicTime start{seconds(100)};
 
 std::optional<ReportOrder> order_of(const std::string& command,
                                     const std::vector<std::string>& arguments = {}) {

@@ -5,14 +5,12 @@
 
 #include "ground/telemetry.hpp"
 #include "ground/time_tag.hpp"
+#include "tests/mission_dictionary.hpp"
 
 namespace srfs::ground {
 namespace {
 
-const mission::Dictionary& dictionary() {
-  static const auto loaded = mission::Dictionary::load(std::string(SRFS_SOURCE_DIR) + "/mission");
-  return loaded;
-}
+using testing_support::dictionary;
 
 // From the interface control document: eps.switch_load 2 on, count 3, APID 17.
 const std::string activity =

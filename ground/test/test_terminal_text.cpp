@@ -11,17 +11,14 @@
 #include "ground/schedule.hpp"
 #include "ground/telemetry.hpp"
 #include "ground/terminal_text.hpp"
+#include "tests/mission_dictionary.hpp"
 
 namespace srfs::ground {
 namespace {
 
 using ::testing::HasSubstr;
 using ::testing::Not;
-
-const mission::Dictionary& dictionary() {
-  static const auto loaded = mission::Dictionary::load(std::string(SRFS_SOURCE_DIR) + "/mission");
-  return loaded;
-}
+using testing_support::dictionary;
 
 /// Clears the screen, sets the title, and continues on a new line.
 const std::string rude = "a\x1b[2J\x1b]0;owned\x07\r\nok";

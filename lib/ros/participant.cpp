@@ -8,7 +8,6 @@
 
 #include <arpa/inet.h>
 #include <netinet/in.h>
-#include <sys/random.h>
 #include <sys/socket.h>
 
 #include <fastdds/rtps/transport/UDPv4TransportDescriptor.h>
@@ -20,6 +19,7 @@
 #include <fastdds/dds/log/Log.hpp>
 
 #include "base/fd.hpp"
+#include "base/random_octets.hpp"
 #include "ros/datagram_seal.hpp"
 
 namespace srfs::ros {
@@ -123,7 +123,7 @@ bool set_prefix(dds::DomainParticipantQos& qos, const ParticipantOptions& option
   const auto& seal = datagram_seal();
   if (!seal || options.executor == nullptr || !seal->is_limited()) return true;
   std::array<std::uint8_t, 6> random{};
-  if (getrandom(random.data(), random.size(), 0) != static_cast<ssize_t>(random.size())) return false;
+  if (!fill_random(random)) return false;
   const GuidPrefix prefix = limited_prefix(seal->keys().limited_to, random);
   std::copy(prefix.begin(), prefix.end(), qos.wire_protocol().prefix.value);
   return true;

@@ -10,13 +10,13 @@
 
 #include <fcntl.h>
 #include <fmt/format.h>
-#include <sys/random.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
 #include "base/log.hpp"
 #include "base/octets.hpp"
 #include "base/private_file.hpp"
+#include "base/random_octets.hpp"
 #include "base/sha256.hpp"
 #include "base/text.hpp"
 
@@ -193,8 +193,7 @@ std::vector<std::filesystem::path> order_keys_for(const VarPaths& var, const std
 
 Result<std::array<std::uint8_t, 32>, std::string> random_key() {
   std::array<std::uint8_t, 32> key{};
-  if (getrandom(key.data(), key.size(), 0) != static_cast<ssize_t>(key.size()))
-    return Err("no random numbers: " + errno_text(errno));
+  if (!fill_random(key)) return Err("no random numbers: " + errno_text(errno));
   return key;
 }
 

@@ -9,12 +9,12 @@
 #include <fcntl.h>
 #include <fmt/format.h>
 #include <openssl/crypto.h>
-#include <sys/random.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
 #include "base/fd.hpp"
 #include "base/known_key.hpp"
+#include "base/random_octets.hpp"
 
 namespace srfs::update {
 namespace {
@@ -85,10 +85,7 @@ Result<void, FileError> save_new_public_key(const std::filesystem::path& file, c
 
 SigningSeed new_seed() {
   SigningSeed seed{};
-  // 256 octets and less come whole, or not at all.
-  while (getrandom(seed.data(), seed.size(), 0) != static_cast<ssize_t>(seed.size())) {
-    if (errno != EINTR) std::abort();
-  }
+  if (!fill_random(seed)) std::abort();
   return seed;
 }
 

@@ -7,6 +7,7 @@
 
 #include "base/config.hpp"
 #include "ground/pass/pass_report.hpp"
+#include "tests/mission_dictionary.hpp"
 #include "tests/temporary_folder.hpp"
 #include "wire/tm_sdls.hpp"
 
@@ -15,11 +16,7 @@ namespace {
 
 using ::testing::HasSubstr;
 using ::testing::Not;
-
-const mission::Dictionary& dictionary() {
-  static const auto loaded = mission::Dictionary::load(std::string(SRFS_SOURCE_DIR) + "/mission");
-  return loaded;
-}
+using testing_support::dictionary;
 
 class PassPlanFile : public ::testing::Test {
  protected:
