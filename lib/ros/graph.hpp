@@ -62,6 +62,9 @@ struct GraphMessage {
 using HumbleGraphMessage = GraphMessage<24>;
 using IronGraphMessage = GraphMessage<16>;
 
+/// Where participants publish it (DDS name).
+inline constexpr const char* graph_topic = "ros_discovery_info";
+
 /// One participant's entry in the ROS graph: its node, and the node's readers and writers. A process of the
 /// suite is one node, so every endpoint under ROS 2's names is that node's.
 class ParticipantGraph {

@@ -9,7 +9,6 @@ namespace {
 
 // The latest state is all that counts, also for late readers (rmw_fastrtps_cpp, init_rmw_context_impl.cpp).
 constexpr Qos graph_qos{.depth = 1, .transient_local = true};
-constexpr const char* graph_topic = "ros_discovery_info";
 
 dds::TypeSupport type_of(GraphDialect dialect) {
   if (dialect == GraphDialect::iron) return dds::TypeSupport(new TypeSupport<IronGraphMessage>);

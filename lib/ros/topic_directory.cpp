@@ -52,6 +52,11 @@ std::vector<TopicEnds> TopicDirectory::topics() const {
   return topics;
 }
 
+std::vector<TopicDirectory::Endpoint> TopicDirectory::endpoints() const {
+  const std::lock_guard lock(mutex_);
+  return endpoints_;
+}
+
 std::uint64_t TopicDirectory::forgotten() const {
   const std::lock_guard lock(mutex_);
   return forgotten_;

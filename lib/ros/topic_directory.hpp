@@ -30,6 +30,14 @@ struct TopicEnds {
 class TopicDirectory {
  public:
   static constexpr std::size_t most = 4096;
+  struct Endpoint {
+    Gid gid;
+    bool is_publisher;
+    std::string topic;  ///< of DDS, as the type
+    std::string type;
+    bool best_effort;
+    bool transient_local;
+  };
 
   void add(const Gid& endpoint, bool is_publisher, std::string topic, std::string type, const Qos& qos);
   void remove(const Gid& endpoint);
@@ -38,17 +46,11 @@ class TopicDirectory {
 
   /// By name, then by type.
   [[nodiscard]] std::vector<TopicEnds> topics() const;
+  /// In the order of discovery.
+  [[nodiscard]] std::vector<Endpoint> endpoints() const;
   [[nodiscard]] std::uint64_t forgotten() const;
 
  private:
-  struct Endpoint {
-    Gid gid;
-    bool is_publisher;
-    std::string topic;
-    std::string type;
-    bool best_effort;
-    bool transient_local;
-  };
   mutable std::mutex mutex_;
   std::vector<Endpoint> endpoints_;
   std::uint64_t forgotten_ = 0;

@@ -232,17 +232,18 @@ void add_down_and_restart(CLI::App& app, SuiteArguments& a, CommandLine& line) {
      [&](const Target& target) { return run_restart(target, a.up, a.only_if_up, line.json); });
 }
 
-/// Of `srfs lifecycle`, `stats`, `topics`, `record` and `play`.
+/// Of `srfs lifecycle`, `stats`, `topics`, `graph`, `record`, `play` and `echo`.
 struct ObserverArguments {
   std::string node;
   std::string transition;
   int transition_ms = 2000;
   bool reset = false;
   int duration_s = 0;
-  int wait_ms = 1500;
+  int wait_ms = static_cast<int>(GraphOrder{}.wait.count());
   McapRecording recording;
   McapPlay play;
   int play_wait_ms = static_cast<int>(McapPlay{}.wait.count());
+  GraphOrder graph;
   TopicEcho echo;
   int period_ms = 1000;
   int patience_s = static_cast<int>(TopicEcho{}.patience.count());
@@ -322,6 +323,22 @@ void add_topics(CLI::App& app, ObserverArguments& a, CommandLine& line) {
   });
 }
 
+void add_graph(CLI::App& app, ObserverArguments& a, CommandLine& line) {
+  CLI::App* command = app.add_subcommand(
+      "graph",
+      "Show the nodes of the domain with their topics, services and actions, also of other programs");
+  command->add_option("node", a.graph.node, "Only this node: /timing or timing");
+  command->add_option("--domain", a.graph.domain, "DDS domain; default: that of the running suite")
+      ->check(CLI::Range(0, 232));
+  command->add_option("--wait", a.wait_ms, "Milliseconds to listen")
+      ->check(CLI::Range(1, 60000))
+      ->capture_default_str();
+  on(command, line, [&](const Target& target) {
+    a.graph.wait = milliseconds(a.wait_ms);
+    return show_graph(target, a.graph, line.json);
+  });
+}
+
 void add_echo(CLI::App& app, ObserverArguments& a, CommandLine& line) {
   CLI::App* command = app.add_subcommand("echo", "Print the messages of a topic, of any type, as JSON lines");
   command->add_option("topic", a.echo.topic, "/timing/tick; `srfs topics` shows all")->required();
@@ -395,8 +412,9 @@ void add_parameter_commands(CLI::App& app, ParameterArguments& a, CommandLine& l
       [&](const Target& target) { return list_parameters(target, a.node, line.json); });
   add_name(add("get", "Show the value of a parameter",
                [&](const Target& target) { return get_parameter(target, a.node, a.name, line.json); }));
-  add_name(add("describe", "Show type, range and meaning of a parameter",
-               [&](const Target& target) { return describe_parameter(target, a.node, a.name, line.json); }));
+  add("describe", "Show type, range and meaning of a parameter, or of all", [&](const Target& target) {
+    return describe_parameter(target, a.node, a.name, line.json);
+  })->add_option("name", a.name, "Parameter; default: all");
   CLI::App* set = add("set", "Change a parameter, until the node's next start", [&](const Target& target) {
     return set_parameter(target, a.node, a.name, a.value, a.next_start, line.json);
   });
@@ -678,6 +696,7 @@ int run(int argc, char** argv) {
   add_new(app, new_order, line);
   add_doctor(app, line);
   add_topics(app, observer, line);
+  add_graph(app, observer, line);
   add_record(app, observer, line);
   add_play(app, observer, line);
   add_echo(app, observer, line);

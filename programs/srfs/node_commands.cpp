@@ -348,34 +348,62 @@ int get_parameter(const Target& target, const std::string& node, const std::stri
   return code(CommandExit::done);
 }
 
-int describe_parameter(const Target& target, const std::string& node, const std::string& name, bool json) {
-  const Reach r = reach(target, node);
-  if (!r.bus) return fail(r.exit, r.problem, json);
-  rcl_interfaces::srv::DescribeParameters_Request request;
-  request.names = {name};
-  const auto answer = r.bus->ask<rcl_interfaces::srv::DescribeParameters>("/" + node + "/describe_parameters",
-                                                                          request, answer_deadline);
-  if (!answer) return fail(CommandExit::no_answer, no_answer(node, answer.error()), json);
-  const auto values = values_of(*r.bus, node, {name});
-  if (!values) return fail(CommandExit::no_answer, no_answer(node, values.error()), json);
-  if (answer->descriptors.empty() || !values->front())
-    return fail(CommandExit::usage, fmt::format("/{} has no parameter '{}'", node, name), json);
-  const auto& d = answer->descriptors.front();
-  Json j{{"name", d.name},
-         {"type", ros::type_text(*values->front())},
-         {"value", to_json(*values->front())},
-         {"description", d.description},
-         {"read_only", d.read_only},
-         {"constraints", d.additional_constraints}};
+namespace {
+
+Json description_of(const rcl_interfaces::msg::ParameterDescriptor& d, const ParameterValue& value) {
+  Json j{{"name", d.name},           {"type", ros::type_text(value)},
+         {"value", to_json(value)},  {"description", d.description},
+         {"read_only", d.read_only}, {"constraints", d.additional_constraints}};
   for (const auto& range : d.integer_range)
     j["range"] = {{"from", range.from_value}, {"to", range.to_value}, {"step", range.step}};
   for (const auto& range : d.floating_point_range)
     j["range"] = {{"from", range.from_value}, {"to", range.to_value}, {"step", range.step}};
-  if (json) {
-    j["ok"] = true;
-    print(j);
+  return j;
+}
+
+/// @param name  empty: the names of all parameters of the node
+Result<std::vector<std::string>, ros::CallError> names_or_all(Bus& bus, const std::string& node,
+                                                              const std::string& name) {
+  if (!name.empty()) return std::vector{name};
+  auto list =
+      bus.ask<rcl_interfaces::srv::ListParameters>("/" + node + "/list_parameters", {}, answer_deadline);
+  if (!list) return Err(list.error());
+  return std::move(list->result.names);
+}
+
+void print_description(const Json& description) {
+  for (const auto& [key, value] : description.items()) fmt::print("{:<12} {}\n", key, value.dump());
+}
+
+}  // namespace
+
+int describe_parameter(const Target& target, const std::string& node, const std::string& name, bool json) {
+  const Reach r = reach(target, node);
+  if (!r.bus) return fail(r.exit, r.problem, json);
+  const auto names = names_or_all(*r.bus, node, name);
+  if (!names) return fail(CommandExit::no_answer, no_answer(node, names.error()), json);
+  rcl_interfaces::srv::DescribeParameters_Request request;
+  request.names = *names;
+  const auto answer = r.bus->ask<rcl_interfaces::srv::DescribeParameters>("/" + node + "/describe_parameters",
+                                                                          request, answer_deadline);
+  if (!answer) return fail(CommandExit::no_answer, no_answer(node, answer.error()), json);
+  const auto values = values_of(*r.bus, node, *names);
+  if (!values) return fail(CommandExit::no_answer, no_answer(node, values.error()), json);
+  Json list = Json::array();
+  for (std::size_t i = 0; i < std::min(answer->descriptors.size(), values->size()); ++i)
+    if (const auto& value = (*values)[i]) list.push_back(description_of(answer->descriptors[i], *value));
+  if (!name.empty() && list.empty())
+    return fail(CommandExit::usage, fmt::format("/{} has no parameter '{}'", node, name), json);
+  if (!json) {
+    for (std::size_t i = 0; i < list.size(); ++i) {
+      if (i > 0) fmt::print("\n");
+      print_description(list[i]);
+    }
+  } else if (name.empty()) {
+    print({{"ok", true}, {"parameters", list}});
   } else {
-    for (const auto& [key, value] : j.items()) fmt::print("{:<12} {}\n", key, value.dump());
+    list.front()["ok"] = true;
+    print(list.front());
   }
   return code(CommandExit::done);
 }

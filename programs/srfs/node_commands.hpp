@@ -22,6 +22,7 @@ int show_statistics(const Target& target, const std::string& node, bool reset, b
 /// `srfs param ...`. Values are written as in YAML ("5", "true", "[1, 2]").
 int list_parameters(const Target& target, const std::string& node, bool json);
 int get_parameter(const Target& target, const std::string& node, const std::string& name, bool json);
+/// @param name  empty: all of the node; as JSON a list of what one has alone
 int describe_parameter(const Target& target, const std::string& node, const std::string& name, bool json);
 /// @param next_start  store the value for the next start instead of changing it now (read-only parameters)
 int set_parameter(const Target& target, const std::string& node, const std::string& name,

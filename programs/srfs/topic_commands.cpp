@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "programs/srfs/topic_commands.hpp"
 
+#include <array>
 #include <cstdio>
 
 #include <fmt/format.h>
@@ -12,6 +13,7 @@
 #include "mcap/message_definition.hpp"
 #include "mcap/message_layout.hpp"
 #include "programs/srfs/definition_folders.hpp"
+#include "ros/node_directory.hpp"
 #include "ros/serialized.hpp"
 
 namespace srfs::tool {
@@ -93,6 +95,75 @@ class Echo {
   ros::Timer look_;
 };
 
+/// A list of a node's ends: its key in JSON, its word in text.
+struct EndList {
+  const char* key;
+  const char* text;
+  std::vector<ros::NamedEnd> ros::NodeEnds::*ends;
+  bool of_topics;
+};
+constexpr std::array end_lists{EndList{"publishers", "publishes", &ros::NodeEnds::publishers, true},
+                               EndList{"subscriptions", "subscribes", &ros::NodeEnds::subscriptions, true},
+                               EndList{"services", "serves", &ros::NodeEnds::services, false},
+                               EndList{"clients", "calls", &ros::NodeEnds::clients, false},
+                               EndList{"action_servers", "action", &ros::NodeEnds::action_servers, false},
+                               EndList{"action_clients", "orders", &ros::NodeEnds::action_clients, false}};
+
+void print_node(const ros::NodeEnds& node) {
+  fmt::print("{}\n", node.node.empty() ? "(no node)" : node.node);
+  for (const EndList& list : end_lists)
+    for (const ros::NamedEnd& end : node.*list.ends)
+      fmt::print("  {:<10} {:44} {}{}{}\n", list.text, end.name, end.type,
+                 end.best_effort ? "  best effort" : "", end.transient_local ? "  transient local" : "");
+}
+
+nlohmann::ordered_json to_json(const ros::NodeEnds& node) {
+  nlohmann::ordered_json json{{"node", node.node}};
+  for (const EndList& list : end_lists) {
+    nlohmann::ordered_json& ends = json[list.key] = nlohmann::ordered_json::array();
+    for (const ros::NamedEnd& end : node.*list.ends) {
+      nlohmann::ordered_json& entry = ends.emplace_back();
+      entry = {{"name", end.name}, {"type", end.type}};
+      if (!list.of_topics) continue;
+      entry["best_effort"] = end.best_effort;
+      entry["transient_local"] = end.transient_local;
+    }
+  }
+  return json;
+}
+
+/// A topic without keys: a shallow reader would keep the last of all participants' messages alone.
+constexpr ros::Qos graph_qos{.depth = ros::NodeDirectory::most, .transient_local = true};
+
+template <class M>
+std::shared_ptr<ros::ReaderEndpoint> read_graph(ros::Executor& executor, ros::Participant& participant,
+                                                ros::NodeDirectory& nodes) {
+  return ros::TypedReader<M>::create(
+      executor, participant, ros::graph_topic, graph_qos, ros::Priority::normal,
+      [&nodes](const M& message, const ros::MessageInfo&) { nodes.on_graph(message); });
+}
+
+/// The nodes of the domain, as far as their processes speak the deployment's dialect of the graph.
+std::vector<ros::NodeEnds> nodes_in(ros::Executor& executor, ros::Participant& participant,
+                                    ros::GraphDialect dialect, milliseconds wait) {
+  ros::NodeDirectory nodes;
+  const auto reader = dialect == ros::GraphDialect::iron
+                          ? read_graph<ros::IronGraphMessage>(executor, participant, nodes)
+                          : read_graph<ros::HumbleGraphMessage>(executor, participant, nodes);
+  (void)executor.spin_until([] { return false; }, monotonic_now() + wait);
+  reader->close();
+  if (const auto malformed = reader->stats().malformed; malformed > 0)
+    fmt::print(stderr,
+               "srfs graph: {} messages of nodes of another ROS 2 release (dds.ros_graph) were not read\n",
+               malformed);
+  return nodes.nodes(participant.topics().endpoints());
+}
+
+/// @param wanted full name or its last part; empty: any
+bool is_wanted(const std::string& node, const std::string& wanted) {
+  return wanted.empty() || node == wanted || node.ends_with("/" + wanted);
+}
+
 }  // namespace
 
 int show_topics(const Target& target, std::optional<int> domain, milliseconds wait, bool json) {
@@ -131,6 +202,37 @@ int show_topics(const Target& target, std::optional<int> domain, milliseconds wa
     }
   }
   if (json) fmt::print("{}\n", list.dump(2, ' ', false, Json::error_handler_t::replace));
+  return 0;
+}
+
+int show_graph(const Target& target, const GraphOrder& order, bool json) {
+  using Json = nlohmann::ordered_json;
+  const auto fail = [](const std::string& why) {
+    fmt::print(stderr, "srfs graph: {}\n", why);
+    return 1;
+  };
+  const auto domain = order.domain ? order.domain : running_domain(target);
+  if (!domain)
+    return fail(fmt::format("the suite is not running (no {}); --domain shows another domain",
+                            target.var.domain_file().string()));
+  ros::Executor executor;
+  ros::ParticipantOptions options = participant_options(target, *domain, executor);
+  options.remember_topics = true;
+  options.bound_foreign = false;
+  options.drop_foreign = false;
+  const auto participant = ros::Participant::create(options);
+  if (!participant) return fail(participant.error());
+  auto nodes = nodes_in(executor, **participant, target.deployment.ros_graph, order.wait);
+  std::erase_if(nodes, [&](const ros::NodeEnds& node) { return !is_wanted(node.node, order.node); });
+  if (!order.node.empty() && nodes.empty())
+    return fail(fmt::format("no node '{}' in domain {}: `srfs graph` shows all", order.node, *domain));
+  if (json) {
+    Json list = Json::array();
+    for (const ros::NodeEnds& node : nodes) list.push_back(to_json(node));
+    fmt::print("{}\n", list.dump(2, ' ', false, Json::error_handler_t::replace));
+  } else {
+    for (const ros::NodeEnds& node : nodes) print_node(node);
+  }
   return 0;
 }
 

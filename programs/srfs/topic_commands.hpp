@@ -14,6 +14,16 @@ namespace srfs::tool {
 /// other programs. Listens for @p wait. @param domain nullopt: that of the running suite @return exit code
 int show_topics(const Target& target, std::optional<int> domain, milliseconds wait, bool json);
 
+struct GraphOrder {
+  std::string node;           ///< full name or its last part; empty: all
+  std::optional<int> domain;  ///< nullopt: that of the running suite
+  milliseconds wait{1500};    ///< so long it listens
+};
+
+/// Prints the nodes of a domain with their topics (and the QoS of each end), services and actions, also those
+/// of other programs, and last the ends of no node. @return exit code: 1: no such node, or no domain
+int show_graph(const Target& target, const GraphOrder& order, bool json);
+
 struct TopicEcho {
   std::string topic;                    ///< ROS name
   std::optional<int> domain;            ///< nullopt: that of the running suite

@@ -101,6 +101,9 @@ class NodeToolsTest(ToolTest):
         self.assertEqual(self.json("param", "list", "faulty")["parameters"]["configure_ms"], 20)
         described = self.json("param", "describe", "faulty", "configure_ms")
         self.assertEqual(described["range"], {"from": 0, "to": 60000, "step": 10})
+        all_described = {each["name"]: each for each in self.json("param", "describe", "faulty")["parameters"]}
+        self.assertEqual({**all_described["configure_ms"], "ok": True}, described)
+        self.assertEqual(all_described.keys(), self.json("param", "list", "faulty")["parameters"].keys())
         result = self.srfs("param", "set", "faulty", "configure_ms", "25")
         self.assertEqual(result.returncode, 1)
         self.assertIn("25 is not 0 plus a multiple of 10", result.stderr)

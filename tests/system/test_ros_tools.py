@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 SRFS contributors
 # SPDX-License-Identifier: Apache-2.0
-"""What a ROS 2 developer looks for in a running suite, and finds by `srfs` alone: echo, diagnostics, a node without a deployment."""
+"""What a ROS 2 developer looks for in a running suite, and finds by `srfs` alone: echo, graph, diagnostics, a node without a deployment."""
 
 import json
 import signal
@@ -8,6 +8,7 @@ import subprocess
 
 from support import BIN, DEADLINE_S, SystemTest
 
+from srfs import nodes_page
 from srfs.flight.processes import wait_until
 
 
@@ -16,6 +17,7 @@ class RosToolsTest(SystemTest):
         with self.flight() as flight:
             self.flown = flight
             self.check_echo()
+            self.check_graph()
             self.check_diagnostics()
             self.check_run()
 
@@ -44,6 +46,42 @@ class RosToolsTest(SystemTest):
         result, none = self.echo("/nobody", "--patience", 1)
         self.assertEqual((result.returncode, none), (1, []))
         self.assertIn("nobody publishes /nobody", result.stderr)
+
+    def graph(self):
+        """{node: its ends}; "": what no node claims."""
+        return {node["node"]: node for node in self.flown.srfs_json("graph")}
+
+    def check_graph(self):
+        tick = {"name": "/timing/tick", "type": "srfs_msgs/msg/TimeTick", "best_effort": False, "transient_local": False}
+        mode = {"name": "/mode", "type": "srfs_msgs/msg/SystemMode", "best_effort": False, "transient_local": True}
+        expected = (
+            ("/timing", "publishers", tick),
+            ("/can_switcher", "subscriptions", tick),
+            ("/ttc", "publishers", mode),
+            ("/timing", "services", {"name": "/timing/get_state", "type": "lifecycle_msgs/srv/GetState"}),
+            ("/ttc", "action_clients", {"name": "/image/capture", "type": "srfs_msgs/action/CaptureImage"}),
+        )
+
+        def shows_all():
+            graph = self.graph()
+            nodes = {f"/{status['name']}" for status in self.flown.status()}
+            return nodes <= graph.keys() and all(end in graph[node][ends] for node, ends, end in expected)
+
+        wait_until(shows_all, DEADLINE_S, "every node is shown with what it has")
+        self.assertEqual([node["node"] for node in self.flown.srfs_json("graph", "timing", "--wait", 5000)], ["/timing"])
+        none = self.flown.srfs("graph", "nobody")
+        self.assertEqual(none.returncode, 1)
+        self.assertIn("no node 'nobody'", none.stderr)
+        self.check_the_page()
+
+    def check_the_page(self):
+        """docs/reference/nodes.md, which is made from the sources, is what flies."""
+        graph = self.graph()
+        nodes = [status["name"] for status in self.flown.status()]
+        self.assertEqual(nodes_page.missing_ends({node: graph[f"/{node}"] for node in nodes if f"/{node}" in graph}), [])
+        for node in nodes:
+            flown = {parameter["name"] for parameter in self.flown.srfs_json("param", "describe", node)["parameters"]}
+            self.assertEqual(flown, nodes_page.parameters_on_page(node), node)
 
     def check_diagnostics(self):
         publisher = self.start("diagnostics", "--period", 200, "--var", self.var)
@@ -78,6 +116,7 @@ class RosToolsTest(SystemTest):
 
         topics = lambda: {each["topic"] for each in self.flown.srfs_json("topics")}  # noqa: E731
         wait_until(lambda: "/counter/transition_event" in topics(), DEADLINE_S, "it is there under its name")
+        wait_until(lambda: "/counter" in self.graph(), DEADLINE_S, "a node of no suite is shown, too")
         self.assertEqual((folder / "deployment.yaml").read_text().count("report_every: 7"), 1)
         self.assertEqual([status["name"] for status in srfs("status")], ["counter"])
         self.end(node)
