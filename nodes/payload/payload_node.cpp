@@ -16,6 +16,7 @@
 #include "base/text.hpp"
 #include "hw/open.hpp"
 #include "nodes/payload/frame_conversion.hpp"
+#include "nodes/payload/payload_events.hpp"
 #include "suite/commanding/messages.hpp"
 #include "suite/state_files.hpp"
 #include "wire/can_bits.hpp"
@@ -838,37 +839,31 @@ void PayloadNode::carry_out(const PayloadEvent& action) {
   switch (action.kind) {
     case Kind::peripheral_silent:
       log::warn("the peripheral does not answer, {} slots", action.number);
-      raise(mission::PayloadPeripheralSilentEvent{.slots = action.number});
       break;
     case Kind::peripheral_garbage:
-      raise(mission::PayloadPeripheralGarbageEvent{.reason = action.text});
       break;
     case Kind::peripheral_back:
       log::info("the peripheral answers again after {} slots", action.number);
-      raise(mission::PayloadPeripheralBackEvent{.slots = action.number});
       break;
     case Kind::peripheral_reset:
       log::warn("peripheral reset: {}", action.text);
-      raise(mission::PayloadPeripheralResetEvent{.reason = action.text});
       break;
     case Kind::peripheral_power_cycled:
       log::warn("peripheral switched off and on: {}", action.text);
-      raise(mission::PayloadPeripheralPowerCycledEvent{.reason = action.text});
       break;
     case Kind::peripheral_babbles:
       log::error("the peripheral sends frames without request: its power is cut");
-      raise(mission::PayloadPeripheralBabblesEvent{.cycles = action.number});
       break;
     case Kind::peripheral_kept_off:
       log::error("the peripheral babbled again after {} power cycles: it stays off until commanded",
                  action.number);
-      raise(mission::PayloadPeripheralKeptOffEvent{.cycles = action.number});
       break;
     case Kind::telecommand_failed:
       log::warn("telecommand {} failed: {}", action.id, mission::failure_text(action.code));
-      raise(mission::PayloadTelecommandFailedEvent{.telecommand = action.id, .code = action.code});
       break;
   }
+  const EncodedEvent event = to_event(action);
+  raise_event(event.id, event.severity, event.data);
 }
 
 void PayloadNode::carry_out(const StageReport& action) {

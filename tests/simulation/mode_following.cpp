@@ -53,12 +53,7 @@ void ModeFollowing::report_obeyed(std::uint8_t orders) {
   event.mode = static_cast<mission::MissionMode>(in_force()->number);
   event.change = in_force()->change;
   event.orders = orders;
-  srfs_msgs::msg::Event m;
-  m.source = host_.name();
-  m.event_id = mission::NodeModeObeyedEvent::event_id;
-  m.severity = static_cast<std::uint8_t>(mission::NodeModeObeyedEvent::severity);
-  m.data = event.encoded();
-  topics_.event.publish(host_, std::move(m));
+  publish_event(topics_, host_, encode_event(event));
 }
 
 }  // namespace srfs::simulation

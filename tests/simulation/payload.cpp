@@ -4,6 +4,7 @@
 
 #include "base/text.hpp"
 #include "nodes/payload/frame_conversion.hpp"
+#include "nodes/payload/payload_events.hpp"
 #include "suite/commanding/messages.hpp"
 
 namespace srfs::simulation {
@@ -76,6 +77,8 @@ void Payload::restore() {
         return profile->decode_command(function, arguments);
       },
       std::move(journal));
+  if (const auto state = around_.disk.read(host_.name() + "/processing"))
+    (void)profile_->restore_state(*state);
   if (around_.ids_lost) cycle_->restore_ids_lost();
   if (around_.disk.read(host_.name() + "/peripheral_kept_off")) cycle_->restore_kept_off();
   const auto once_done = around_.disk.read(host_.name() + "/mode_orders_done");
@@ -247,13 +250,15 @@ void Payload::carry_out(const ProcessMeasurement& action) {
       m.monotonic_ns = static_cast<std::uint64_t>(measured.ns());
       m.data = processed->housekeeping;
       around_.topics.telemetry.publish(host_, std::move(m));
+      for (const EncodedEvent& event : processed->events) publish_event(around_.topics, host_, event);
     }
     run(cycle_->on_processed(host_.now()));
   });
 }
 
 void Payload::carry_out(const CommandDone& action) {
-  (void)profile_->on_command_done(action.command);
+  if (!profile_->on_command_done(action.command)) return;
+  around_.disk.write(host_, host_.name() + "/processing", profile_->state(), [](bool) {});
 }
 
 /// As PayloadNode does.
@@ -323,6 +328,7 @@ void Payload::carry_out(const RememberIdsLost& action) {
 
 void Payload::carry_out(const PayloadEvent& action) {
   host_.trace(host_.lane(), "event", static_cast<std::uint64_t>(action.kind), action.number);
+  publish_event(around_.topics, host_, to_event(action));
 }
 
 void Payload::carry_out(const StageReport& action) {

@@ -12,6 +12,7 @@
 #include <srfs_msgs/msg/telecommand_report.hpp>
 #include <srfs_msgs/msg/time_tick.hpp>
 
+#include "msgs/mission/encoded_event.hpp"
 #include "tests/simulation/process.hpp"
 
 namespace srfs::simulation {
@@ -39,5 +40,15 @@ struct Topics {
   Topic<srfs_msgs::msg::PayloadTelemetry> telemetry;  ///< of all nodes
   Topic<srfs_msgs::msg::SystemMode> mode;
 };
+
+/// As Node::raise_event() does.
+inline void publish_event(Topics& topics, Host& host, const EncodedEvent& event) {
+  srfs_msgs::msg::Event m;
+  m.source = host.name();
+  m.event_id = event.id;
+  m.severity = event.severity;
+  m.data = event.data;
+  topics.event.publish(host, std::move(m));
+}
 
 }  // namespace srfs::simulation
