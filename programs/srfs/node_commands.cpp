@@ -372,7 +372,8 @@ Result<std::vector<std::string>, ros::CallError> names_or_all(Bus& bus, const st
 }
 
 void print_description(const Json& description) {
-  for (const auto& [key, value] : description.items()) fmt::print("{:<12} {}\n", key, value.dump());
+  for (const auto& [key, value] : description.items())
+    fmt::print("{:<12} {}\n", key, value.dump(-1, ' ', false, Json::error_handler_t::replace));
 }
 
 }  // namespace

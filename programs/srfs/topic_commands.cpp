@@ -2,7 +2,9 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "programs/srfs/topic_commands.hpp"
 
+#include <algorithm>
 #include <array>
+#include <cctype>
 #include <cstdio>
 
 #include <fmt/format.h>
@@ -109,11 +111,19 @@ constexpr std::array end_lists{EndList{"publishers", "publishes", &ros::NodeEnds
                                EndList{"action_servers", "action", &ros::NodeEnds::action_servers, false},
                                EndList{"action_clients", "orders", &ros::NodeEnds::action_clients, false}};
 
+/// A stranger's names may hold what moves a terminal's cursor.
+std::string printable(std::string text) {
+  for (char& c : text) {
+    if (std::iscntrl(static_cast<unsigned char>(c)) != 0) c = '?';
+  }
+  return text;
+}
+
 void print_node(const ros::NodeEnds& node) {
-  fmt::print("{}\n", node.node.empty() ? "(no node)" : node.node);
+  fmt::print("{}\n", node.node.empty() ? "(no node)" : printable(node.node));
   for (const EndList& list : end_lists)
     for (const ros::NamedEnd& end : node.*list.ends)
-      fmt::print("  {:<10} {:44} {}{}{}\n", list.text, end.name, end.type,
+      fmt::print("  {:<10} {:44} {}{}{}\n", list.text, printable(end.name), printable(end.type),
                  end.best_effort ? "  best effort" : "", end.transient_local ? "  transient local" : "");
 }
 
@@ -140,7 +150,13 @@ std::shared_ptr<ros::ReaderEndpoint> read_graph(ros::Executor& executor, ros::Pa
                                                 ros::NodeDirectory& nodes) {
   return ros::TypedReader<M>::create(
       executor, participant, ros::graph_topic, graph_qos, ros::Priority::normal,
-      [&nodes](const M& message, const ros::MessageInfo&) { nodes.on_graph(message); });
+      [&nodes](const M& message, const ros::MessageInfo& info) {
+        // Each participant speaks for itself alone.
+        const auto sender = ros::to_gid(info.identity.writer_guid());
+        constexpr std::size_t prefix_octets = 12;
+        if (std::equal(sender.begin(), sender.begin() + prefix_octets, message.gid.data.begin()))
+          nodes.on_graph(message);
+      });
 }
 
 /// The nodes of the domain, as far as their processes speak the deployment's dialect of the graph.
@@ -154,8 +170,11 @@ std::vector<ros::NodeEnds> nodes_in(ros::Executor& executor, ros::Participant& p
   reader->close();
   if (const auto malformed = reader->stats().malformed; malformed > 0)
     fmt::print(stderr,
-               "srfs graph: {} messages of nodes of another ROS 2 release (dds.ros_graph) were not read\n",
+               "srfs graph: {} messages of nodes could not be read (another ROS 2 release? dds.ros_graph)\n",
                malformed);
+  if (nodes.forgotten() > 0)
+    fmt::print(stderr, "srfs graph: messages of more than {} participants: not all are shown\n",
+               ros::NodeDirectory::most);
   return nodes.nodes(participant.topics().endpoints());
 }
 
@@ -196,7 +215,7 @@ int show_topics(const Target& target, std::optional<int> domain, milliseconds wa
                       {"best_effort", ends.best_effort},
                       {"transient_local", ends.transient_local}});
     } else {
-      fmt::print("{:36} {:36} {:3} publish {:3} subscribe{}{}\n", name, type, ends.publishers,
+      fmt::print("{:36} {:36} {:3} publish {:3} subscribe{}{}\n", printable(name), type, ends.publishers,
                  ends.subscriptions, ends.best_effort ? "  best effort" : "",
                  ends.transient_local ? "  transient local" : "");
     }

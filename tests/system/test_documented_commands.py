@@ -55,6 +55,7 @@ RULES = (
     Rule(r"srfs doctor", replaced=((r"^sudo ", ""),), codes=(0, 1)),  # machines differ
     Rule(r"srfs echo", replaced=((r"$", " --count 2"),), says=r'"cycle":'),
     Rule(r"srfs diagnostics$", interrupted_s=2),
+    Rule(r"srfs graph \w", replaced=((r"$", " --wait 10000"),), says="/can_switcher"),
     Rule(r"srfs run ", skipped="tests/system/test_ros_tools.py"),
     Rule(r"record --duration", replaced=((r"duration 5", "duration 1"),)),
     Rule(r'"fault": "silent"', then="""build-release/bin/hw_sim --control '{"peripheral": "eps", "fault": "none"}'"""),

@@ -68,7 +68,8 @@ class RosToolsTest(SystemTest):
             return nodes <= graph.keys() and all(end in graph[node][ends] for node, ends, end in expected)
 
         wait_until(shows_all, DEADLINE_S, "every node is shown with what it has")
-        self.assertEqual([node["node"] for node in self.flown.srfs_json("graph", "timing", "--wait", 5000)], ["/timing"])
+        shown = lambda: [node["node"] for node in json.loads(self.flown.srfs("graph", "timing", "--wait", 5000).stdout or "[]")]  # noqa: E731
+        wait_until(lambda: shown() == ["/timing"], DEADLINE_S, "it alone is shown")
         none = self.flown.srfs("graph", "nobody")
         self.assertEqual(none.returncode, 1)
         self.assertIn("no node 'nobody'", none.stderr)
@@ -76,11 +77,12 @@ class RosToolsTest(SystemTest):
 
     def check_the_page(self):
         """docs/reference/nodes.md, which is made from the sources, is what flies."""
-        graph = self.graph()
         nodes = [status["name"] for status in self.flown.status()]
-        self.assertEqual(nodes_page.missing_ends({node: graph[f"/{node}"] for node in nodes if f"/{node}" in graph}), [])
+        whole = wait_until(lambda: (graph := self.graph()) and all(f"/{node}" in graph for node in nodes) and graph, DEADLINE_S, "all nodes")
+        self.assertEqual(nodes_page.missing_ends({node: whole[f"/{node}"] for node in nodes}), [])
         for node in nodes:
-            flown = {parameter["name"] for parameter in self.flown.srfs_json("param", "describe", node)["parameters"]}
+            described = wait_until(lambda: (d := self.flown.srfs("param", "describe", node)).returncode == 0 and d, DEADLINE_S, node)  # noqa: B023
+            flown = {parameter["name"] for parameter in json.loads(described.stdout)["parameters"]}
             self.assertEqual(flown, nodes_page.parameters_on_page(node), node)
 
     def check_diagnostics(self):

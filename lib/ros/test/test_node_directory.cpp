@@ -71,10 +71,10 @@ TEST(NodeDirectory, ShowsTheEndsOfEachNodeByName) {
   EXPECT_EQ(user.action_servers,
             (std::vector{NamedEnd{.name = "/go", .type = "example_interfaces/action/Fibonacci"}}));
   EXPECT_TRUE(user.publishers.empty()) << "the topics of an action are the action's";
-  const NodeEnds& timing = nodes[1];
-  EXPECT_EQ(timing.node, "/timing");
-  EXPECT_EQ(timing.publishers, std::vector{tick});
-  EXPECT_EQ(timing.services, std::vector{set_time});
+  const NodeEnds& server_node = nodes[1];
+  EXPECT_EQ(server_node.node, "/timing");
+  EXPECT_EQ(server_node.publishers, std::vector{tick});
+  EXPECT_EQ(server_node.services, std::vector{set_time});
   const NodeEnds& nobodys = nodes[2];
   EXPECT_EQ(nobodys.node, "");
   EXPECT_EQ(nobodys.publishers, (std::vector{NamedEnd{.name = "/raw", .type = "std_msgs/msg/String"}}));
