@@ -799,7 +799,8 @@ TEST_F(TwoStations, CountWhatNeitherReceivedAsMissing) {
     if (sequence == 1 || sequence == 5) put_at_second(packet);
   }
   std::vector<std::uint32_t> missing;
-  for (const StoredGap& gap : *archive().gaps({}, true)) missing.push_back(gap.missing);
+  const auto gaps = archive().gaps({}, true);
+  for (const StoredGap& gap : *gaps) missing.push_back(gap.missing);
   EXPECT_THAT(missing, ::testing::UnorderedElementsAre(6U, 3U)) << "1 and 5 came, to the other one";
 
   for (std::uint16_t sequence = 1; sequence < 9; ++sequence)
@@ -827,7 +828,8 @@ TEST_F(TwoStations, HaveTheUnionAndMissTheRestWhateverEachOfThemLosesAndHowLateI
     const Period period{began - seconds(200), began + seconds(200)};
     EXPECT_EQ(packets({.period = period}).size(), received.size()) << "seed " << seed;
     std::uint32_t missing = 0;
-    for (const StoredGap& gap : *archive().gaps({began, began + seconds(last)}, true)) {
+    const auto gaps = archive().gaps({began, began + seconds(last)}, true);
+    for (const StoredGap& gap : *gaps) {
       if (gap.gap.from >= began) missing += gap.missing;
     }
     EXPECT_EQ(missing, 2 * (last + 1 - received.size())) << "as each of them says; seed " << seed;
