@@ -11,6 +11,7 @@
 #include "base/text.hpp"
 #include "ground/pass/pass_journal.hpp"
 #include "ground/pass/pass_session.hpp"
+#include "tests/build_kind.hpp"
 
 namespace srfs::ground::pass {
 namespace {
@@ -261,8 +262,9 @@ std::vector<Item> items_in(const World& world, const PassPlan& plan) {
 }
 
 TEST(PassSession, CutAHundredTimesAnywhereDoesEverythingOnce) {
+  constexpr unsigned seeds = testing_support::slow ? 10 : 100;
   std::size_t open = 0;
-  for (unsigned seed = 0; seed < 100; ++seed) {
+  for (unsigned seed = 0; seed < seeds; ++seed) {
     SCOPED_TRACE(seed);
     const PassPlan plan = plan_of(6, 3, true);
     World world;
