@@ -65,6 +65,7 @@ class StoreLedger {
   };
   struct Reading {
     std::uint64_t overwritten = 0;  ///< when it began
+    RetrievalCursor begun;
     std::vector<std::uint32_t> expected;
     std::vector<std::uint32_t> got;
   };
