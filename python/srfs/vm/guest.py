@@ -33,6 +33,7 @@ import tempfile
 import time
 
 from srfs import ROOT
+from srfs.flight.processes import Patience
 
 SLOWER = 6  # starts and discovery, on an emulated processor of a busy machine
 HERE = pathlib.Path(__file__).resolve().parent
@@ -277,18 +278,18 @@ def prepare(exchange, kernel, command):
 
 
 def wait_for(qemu, output, deadline_s):
-    """Until the machine is off; False when it did not go off in time and was ended."""
-    end = time.monotonic() + deadline_s
-    while True:
-        try:
-            qemu.wait(0.1)
-            return True
-        except subprocess.TimeoutExpired:
-            output.show()
-        if time.monotonic() > end:
-            qemu.kill()
-            qemu.wait()
-            return False
+    """Until the machine is off; False when it did not go off in time and was ended. Time in which it waits for a CPU does not count."""
+    with Patience(deadline_s, qemu.pid) as patience:
+        while True:
+            try:
+                qemu.wait(0.1)
+                return True
+            except subprocess.TimeoutExpired:
+                output.show()
+            if patience.left_s() < 0:
+                qemu.kill()
+                qemu.wait()
+                return False
 
 
 def run(command, options, say, hardware=(), may_reset=False, keep_file=None):

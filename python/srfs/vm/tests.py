@@ -19,7 +19,7 @@ import sys
 from srfs import ROOT
 from srfs.vm import guest
 
-DEADLINE_S = 420
+DEADLINE_S = 600
 FULL_DEADLINE_S = 3000
 
 
