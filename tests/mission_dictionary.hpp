@@ -8,7 +8,7 @@
 
 namespace srfs::testing_support {
 
-/// That of the source tree, read once.
+/// The mission of the source tree, read once.
 inline const mission::Dictionary& dictionary() {
   static const auto loaded = mission::Dictionary::load(std::string(SRFS_SOURCE_DIR) + "/mission");
   return loaded;
