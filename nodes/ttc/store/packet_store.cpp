@@ -251,6 +251,7 @@ const Octets* PacketStore::content_of(std::uint32_t number) {
 RetrievedPackets PacketStore::read(const RetrievalRange& range, RetrievalCursor cursor,
                                    std::size_t limit_octets) {
   RetrievedPackets out;
+  const TaiTime from = kept_time(range.from);  // a packet's own time is finer than what its record keeps
   if (opened_ && !pending_.empty() && !write_pending()) ++counters_.write_failures;
   const std::uint32_t end_sequence = cursor.end_sequence.value_or(next_sequence_);
   out.next = {.end_sequence = end_sequence, .begin_sequence = cursor.begin_sequence};
@@ -260,7 +261,7 @@ RetrievedPackets PacketStore::read(const RetrievalRange& range, RetrievalCursor 
   std::size_t offset = segment != segments_.end() && segment->first == cursor.segment ? cursor.offset : 0;
   for (; segment != segments_.end(); ++segment, offset = 0) {
     const auto& index = segment->second;
-    if (!index.unreadable && (!index.oldest || *index.oldest > range.to || *index.newest < range.from ||
+    if (!index.unreadable && (!index.oldest || *index.oldest > range.to || *index.newest < from ||
                               index.end_sequence <= cursor.begin_sequence))
       continue;
     const Octets* data = content_of(segment->first);
@@ -278,7 +279,7 @@ RetrievedPackets PacketStore::read(const RetrievalRange& range, RetrievalCursor 
         offset = find_record(*data, offset + 1);
         continue;
       }
-      const bool wanted = record->stamp.tai >= range.from && record->stamp.tai <= range.to &&
+      const bool wanted = record->stamp.tai >= from && record->stamp.tai <= range.to &&
                           record->sequence >= cursor.begin_sequence && record->sequence < end_sequence;
       if (wanted && octets + record->packet.size() > limit_octets && !out.packets.empty()) {
         out.next.segment = segment->first;

@@ -13,23 +13,36 @@ constexpr std::uint16_t record_magic = 0x53B5;
 constexpr std::size_t header_octets = 20;
 constexpr std::uint32_t time_valid_bit = 0x8000'0000;
 
+std::uint16_t kept_fraction(TaiTime tai) {
+  const auto fraction = tai.since_epoch() - std::chrono::floor<seconds>(tai.since_epoch());
+  return static_cast<std::uint16_t>((nanoseconds(fraction).count() << 16) / 1'000'000'000);
+}
+
+TaiTime time_of(std::uint32_t tai_s, std::uint16_t fraction) {
+  return TaiTime(seconds(tai_s) + nanoseconds(std::int64_t{fraction} * 1'000'000'000 >> 16));
+}
+
 }  // namespace
 
 std::size_t StoreRecord::octets() const {
   return packet.size() + record_overhead_octets;
 }
 
+TaiTime kept_time(TaiTime tai) {
+  const std::int64_t tai_s = std::chrono::floor<seconds>(tai.since_epoch()).count();
+  return time_of(static_cast<std::uint32_t>(tai_s), kept_fraction(tai));
+}
+
 void append_record(Octets& out, std::uint32_t sequence, const RecordStamp& stamp, OctetView packet) {
   assert(!packet.empty() && packet.size() <= max_stored_packet_octets);
   const std::int64_t tai_s = std::chrono::floor<seconds>(stamp.tai.since_epoch()).count();
-  const std::int64_t fraction_ns = stamp.tai.ns() - tai_s * 1'000'000'000;
   const auto centiseconds = static_cast<std::uint32_t>(stamp.monotonic.ns() / 10'000'000) & ~time_valid_bit;
   OctetWriter writer(packet.size() + record_overhead_octets);
   writer.u16(record_magic);
   writer.u16(static_cast<std::uint16_t>(packet.size()));
   writer.u32(sequence);
   writer.u32(static_cast<std::uint32_t>(tai_s));
-  writer.u16(static_cast<std::uint16_t>((fraction_ns << 16) / 1'000'000'000));
+  writer.u16(kept_fraction(stamp.tai));
   writer.u16(stamp.boot_id);
   writer.u32(centiseconds | (stamp.time_valid ? time_valid_bit : 0));
   writer.bytes(packet);
@@ -50,9 +63,7 @@ Result<StoreRecord, RecordError> decode_record(OctetView data) {
   StoreRecord record;
   record.sequence = reader.u32();
   const std::uint32_t tai_s = reader.u32();
-  const std::uint32_t fraction = reader.u16();
-  record.stamp.tai = TaiTime(
-      seconds(tai_s) + nanoseconds(static_cast<std::int64_t>(std::uint64_t{fraction} * 1'000'000'000 >> 16)));
+  record.stamp.tai = time_of(tai_s, reader.u16());
   record.stamp.boot_id = reader.u16();
   const std::uint32_t monotonic = reader.u32();
   record.stamp.time_valid = (monotonic & time_valid_bit) != 0;

@@ -27,6 +27,9 @@ struct StoreRecord {
   [[nodiscard]] std::size_t octets() const;
 };
 
+/// What a record keeps of @p tai: no later than it, by less than 2^-16 s.
+[[nodiscard]] TaiTime kept_time(TaiTime tai);
+
 enum class RecordError : std::uint8_t {
   incomplete,  ///< the octets end before the record does
   damaged,     ///< no magic here, an impossible length, or a wrong CRC

@@ -177,6 +177,20 @@ TEST_F(PacketStoreOnDisk, GivesBackThePacketsOfAPeriodUnchangedAndInOrder) {
   for (int s = 100; s < 200; ++s) EXPECT_EQ(got[static_cast<std::size_t>(s - 100)], packet(s));
 }
 
+TEST_F(PacketStoreOnDisk, APeriodThatBeginsAtThePacketsOwnTimeHasThePacket) {
+  PacketStore store(config());
+  ASSERT_TRUE(store.open());
+  for (int micros = 0; micros < 100; ++micros) {
+    RecordStamp stamp = at(50 + micros);
+    stamp.tai = stamp.tai + milliseconds(123) + microseconds(micros);
+    const TaiTime exact = stamp.tai;
+    store.append(stamp, packet(micros));
+    EXPECT_EQ(store.read({.from = exact, .to = exact}, {}, 1000).packets.size(), 1U) << micros << " us";
+    ASSERT_TRUE(store.commit());
+    EXPECT_EQ(store.read({.from = exact, .to = exact}, {}, 1000).packets.size(), 1U) << micros << " us";
+  }
+}
+
 TEST_F(PacketStoreOnDisk, KeepsEverythingAcrossARestartAndGoesOnNumbering) {
   {
     PacketStore store(config());
