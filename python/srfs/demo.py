@@ -13,7 +13,7 @@ import time
 from srfs.flight import deployments, mission
 from srfs.flight.deployments import PAYLOADS
 from srfs.flight.ground import ANSWER_DEADLINE_S
-from srfs.flight.lateness import LATE_S, Lateness, Waiting, describe_lateness, describe_waiting, waited_ns
+from srfs.flight.lateness import Excuses, Lateness, Waiting, describe_lateness, describe_waiting
 from srfs.flight.processes import StopSignals
 from srfs.program import Interrupted, MissionError, add_flight_options
 from srfs.record import can_frames
@@ -34,7 +34,6 @@ SLOT_MARGIN_NS = 100_000_000  # the tick before it, and what was begun in the sl
 RESTART_NS = 5_000_000_000  # before a restart is seen: in this time lies its cause
 EXCUSES_SHOWN = 20
 SLOTS_UNDER_WAY = 2  # one at each of the two times at which the slots are counted
-EVIDENCE_SHARE = 0.05  # of a longer time
 INTERVAL_PACKETS = 7  # two seconds of them
 PICTURE_METHOD = "tracklet"
 PICTURE_TRIES = 3
@@ -50,24 +49,6 @@ def describe(packet):
         return (f"battery {f['battery_voltage_v']:.2f} V {100 * f['state_of_charge']:.1f} %, {f['battery_power_w']:+.2f} W, "
                 f"loads {f['load_switches']}")  # fmt: skip
     return f"{f['temperature_min_k']:.1f} to {f['temperature_max_k']:.1f} K, setpoints {f['setpoint_k[0]']:g} and {f['setpoint_k[1]']:g} K"
-
-
-class Excuses:
-    """What the machine's business costs is excused by what the witnesses measured meanwhile, and by nothing else."""
-
-    def __init__(self, lateness, waiting):
-        self.lateness = lateness
-        self.waiting = waiting
-
-    def find(self, names, begin_ns, end_ns):
-        """Why something that needed these processes between two times may have come late, in words; None: no reason was measured."""
-        least_ns = max(LATE_S * 1e9, EVIDENCE_SHARE * (end_ns - begin_ns))
-        waited = {name: waited_ns(self.waiting, [name], begin_ns, end_ns) for name in names}
-        name = max(waited, key=waited.get, default=None)
-        if name and waited[name] >= least_ns:
-            return f"{name} waited {waited[name] / 1e6:.0f} ms for a CPU"
-        late_ns = sum(max(0, min(end, end_ns) - max(begin, begin_ns)) for begin, end in self.lateness["late_at"])
-        return f"this machine stood still for {late_ns / 1e6:.0f} ms" if late_ns >= least_ns else None
 
 
 class Demo:

@@ -22,6 +22,7 @@ TICK_S = 0.01  # unit of /proc/stat (USER_HZ)
 MOST_LATE = 100_000  # intervals it notes, hours of a bad host; later ones are counted only
 WAIT_LOOK_S = 0.2  # how often the other one reads what the processes waited
 LEAST_WAIT_NS = 1_000_000  # what it notes
+EVIDENCE_SHARE = 0.05  # of a longer time, which must have been waited to excuse anything
 
 
 class Witness:
@@ -77,6 +78,24 @@ def waited_ns(seen, names, begin_ns, end_ns):
         longest = max(longest, sum(min(waited, min(end, end_ns) - max(begin, begin_ns))
                                    for begin, end, waited in seen.get(name, {}).get("waits", ()) if begin < end_ns and end > begin_ns))  # fmt: skip
     return longest
+
+
+class Excuses:
+    """What the machine's business costs is excused by what the witnesses measured meanwhile, and by nothing else."""
+
+    def __init__(self, lateness, waiting):
+        self.lateness = lateness
+        self.waiting = waiting
+
+    def find(self, names, begin_ns, end_ns):
+        """Why something that needed these processes between two times may have come late, in words; None: no reason was measured."""
+        least_ns = max(LATE_S * 1e9, EVIDENCE_SHARE * (end_ns - begin_ns))
+        waited = {name: waited_ns(self.waiting, [name], begin_ns, end_ns) for name in names}
+        name = max(waited, key=waited.get, default=None)
+        if name and waited[name] >= least_ns:
+            return f"{name} waited {waited[name] / 1e6:.0f} ms for a CPU"
+        late_ns = sum(max(0, min(end, end_ns) - max(begin, begin_ns)) for begin, end in self.lateness["late_at"])
+        return f"this machine stood still for {late_ns / 1e6:.0f} ms" if late_ns >= least_ns else None
 
 
 def describe_waiting(seen):

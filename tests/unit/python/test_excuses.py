@@ -1,10 +1,10 @@
 # SPDX-FileCopyrightText: 2026 SRFS contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Which failures the demo excuses on a busy machine, and which not."""
+"""Which failures are excused on a busy machine, and which not."""
 
 import unittest
 
-from srfs import demo
+from srfs.flight.lateness import Excuses
 from srfs.record import rotation
 
 S = 1_000_000_000
@@ -16,7 +16,7 @@ class ExcusesTest(unittest.TestCase):
     QUIET = {"late_at": []}
 
     def test_a_loss_is_excused_by_what_a_process_it_needed_waited_meanwhile(self):
-        excuses = demo.Excuses(self.QUIET, self.WAITING)
+        excuses = Excuses(self.QUIET, self.WAITING)
 
         self.assertEqual(excuses.find(["ttc", "hw_sim"], 10 * S, 10 * S + 300 * MS), "ttc waited 30 ms for a CPU")
         self.assertIsNone(excuses.find(["hw_sim"], 10 * S, 10 * S + 300 * MS), "another process")
@@ -24,12 +24,12 @@ class ExcusesTest(unittest.TestCase):
         self.assertIsNone(excuses.find(["ttc"], 9 * S, 12 * S), "too little for so long a time")
 
     def test_a_machine_that_stood_still_is_an_excuse_too(self):
-        excuses = demo.Excuses({"late_at": [[10 * S, 10 * S + 50 * MS]]}, {})
+        excuses = Excuses({"late_at": [[10 * S, 10 * S + 50 * MS]]}, {})
 
         self.assertEqual(excuses.find(["ttc"], 10 * S, 10 * S + 300 * MS), "this machine stood still for 50 ms")
 
     def test_without_evidence_nothing_is_excused(self):
-        self.assertIsNone(demo.Excuses(self.QUIET, {}).find(["ttc"], 0, 100 * S))
+        self.assertIsNone(Excuses(self.QUIET, {}).find(["ttc"], 0, 100 * S))
 
 
 class FailedSlotsTest(unittest.TestCase):
