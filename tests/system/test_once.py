@@ -48,22 +48,21 @@ class OnceTest(SystemTest):
             if "accepted" in self.names(ground, line):
                 self.assertIsNotNone(ground.outcome(line, PATIENCE_S + DEADLINE_S), f"line {line}: {self.names(ground, line)}")
 
-    def judge(self, flight, ground, recorder, lines):
+    def judge(self, flight, ground, lines):
         """Every accepted telecommand has its end on the ground. Each is executed at most once, and exactly once if completed."""
         self.wait_for_the_end(ground, lines)
         accepted = [line for line in lines if "accepted" in self.names(ground, line)]
         for line in accepted:
             self.assertEqual(self.names(ground, line)[-1], "completed", f"line {line}: {self.stages(ground, line)}")
-        ids = {m["id"]: m["target"] for m in recorder.select(lambda m: m["type"] == "telecommand")}
         for peripheral in PERIPHERALS:
             found = self.executed(flight, peripheral)
             self.assertEqual(found["count"], len(found["last"]), "the list is complete")
             times = collections.Counter(found["last"])
             self.assertEqual([number for number, n in times.items() if n > 1], [], f"executed twice at {peripheral}")
-            ours = {number & 0xFFFFFFFF for number, target in ids.items() if target == f"payload_{peripheral}"}
-            self.assertLessEqual(set(times), ours)
-            completed = sum(self.stages(ground, line)[0]["command"].startswith(peripheral) for line in accepted)
-            self.assertGreaterEqual(found["count"], completed)
+            to_it = lambda line, p=peripheral: any(m["command"].startswith(p) for m in self.stages(ground, line))  # noqa: E731
+            self.assertGreaterEqual(found["count"], sum(map(to_it, accepted)))
+            # By number: a recorder may miss what a ttc publishes that has just started.
+            self.assertLessEqual(found["count"], sum(map(to_it, lines)), "nothing that nobody sent")
         return accepted
 
 
@@ -90,7 +89,7 @@ class KilledTtcTest(OnceTest):
                 # Anywhere between the first octet, or the first acceptance, and the last report.
                 threading.Event().wait(chance.uniform(0, 0.4))
                 kill(flight, "ttc")
-            accepted = self.judge(flight, ground, recorder, lines)
+            accepted = self.judge(flight, ground, lines)
             self.assertGreaterEqual(len(accepted), ACCEPTED_TURNS)
             self.assertEqual(restarts(flight, others), before, "nobody else")
 
@@ -103,7 +102,7 @@ class KilledTtcTest(OnceTest):
             payload = flight.node_pid("payload_eps")
             os.kill(payload, signal.SIGKILL)
             kill(flight, "ttc")
-            self.assertTrue(self.judge(flight, ground, recorder, lines))
+            self.assertTrue(self.judge(flight, ground, lines))
 
 
 class CrashPointTest(OnceTest):
@@ -136,7 +135,7 @@ class CrashPointTest(OnceTest):
                     wait_for_ttc(ground)
                     ticks = WINDOW_MS // 100 + 2
                     wait_until(lambda: len(recorder.select(lambda m: m["type"] == "tick", back)) > ticks, DEADLINE_S, "the death is out of the window")
-            self.judge(flight, ground, recorder, lines)
+            self.judge(flight, ground, lines)
             self.assertEqual(killed, self.CALLS)
 
 
