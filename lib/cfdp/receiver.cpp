@@ -42,8 +42,9 @@ std::optional<Receiver> Receiver::restore(Context& context, ReceiveState state, 
   std::uint8_t octet = 0;
   const auto temporary = context.files.read_temporary(r.id(), 0, {&octet, 1});
   r.temporary_made_ = temporary.has_value();
-  if (r.temporary_made_) return r;
-  if (r.state_.stage == Stage::checking) {
+  if (r.temporary_made_) {
+    (void)r.begin_check_if_complete();  // it died after the last piece was recorded, and before the check was
+  } else if (r.state_.stage == Stage::checking) {
     r.check_named_file_ = true;
   } else {
     r.start_over(now);
@@ -256,10 +257,14 @@ void Receiver::on_prompt(const CfdpPrompt& prompt, MonotonicTime now) {
 
 // ---- the file -----------------------------------------------------------------------------------------
 
-void Receiver::begin_check_when_complete() {
-  if (state_.stage != Stage::receiving || !state_.file || !state_.eof || !gaps_.complete()) return;
+bool Receiver::begin_check_if_complete() {
+  if (state_.stage != Stage::receiving || !state_.file || !state_.eof || !gaps_.complete()) return false;
   state_.stage = Stage::checking;
-  context_->save_checkpoint();
+  return true;
+}
+
+void Receiver::begin_check_when_complete() {
+  if (begin_check_if_complete()) context_->save_checkpoint();
 }
 
 void Receiver::check(MonotonicTime now) {
@@ -316,6 +321,7 @@ void Receiver::start_over(MonotonicTime now) {
   temporary_made_ = false;
   dirty_ = false;
   gaps_.reset(gaps_.end(), now);
+  (void)begin_check_if_complete();  // an empty file
 }
 
 void Receiver::finish(const Outcome& outcome) {

@@ -89,6 +89,8 @@ class Receiver {
   void on_ack(const wire::CfdpAck& ack);
   void on_prompt(const wire::CfdpPrompt& prompt, MonotonicTime now);
   void store(const wire::CfdpFileData& data, MonotonicTime now);
+  /// @return whether a check begins now; the next checkpoint records it
+  [[nodiscard]] bool begin_check_if_complete();
   void begin_check_when_complete();
   void check(MonotonicTime now);
   void judge_digest(MonotonicTime now);

@@ -2,6 +2,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // File transfers over a bad link whose ends die. In all cases the file arrives complete, soon, and without
 // much waste.
+#include <string>
+
 #include <gtest/gtest.h>
 
 #include "lib/cfdp/test/simulated_link.hpp"
@@ -145,27 +147,36 @@ TEST(BadLinkOnAverage, ManyTransactionsInBothDirectionsAtOnceAllArrive) {
 }
 
 /// The end dies at the n-th change of its disk, for every possible n, with and without that change.
+void die_at_any_change(const Octets& file, double loss, std::uint64_t victim, bool effect,
+                       std::size_t least_points) {
+  std::size_t point = 0;
+  for (;; ++point) {
+    SimulatedLink link({.loss = loss}, 3);
+    link.start();
+    link.at(ground).files.add("a", file);
+    ASSERT_TRUE(link.entity(ground).put("a", "b"));
+    link.at(victim).files.calls_until_kill = point;
+    link.at(victim).files.kill_after_effect = effect;
+    ASSERT_TRUE(link.run(link.now + seconds(600))) << "hangs after a death at " << point;
+    ASSERT_TRUE(link.idle()) << point;
+    ASSERT_NE(link.at(satellite).files.content("b"), nullptr) << point;
+    ASSERT_TRUE(*link.at(satellite).files.content("b") == file) << point;
+    ASSERT_EQ(link.at(satellite).files.temporaries(), 0U) << point;
+    // Stop when n exceeds the number of changes: no end died.
+    if (link.at(victim).files.calls_until_kill) break;
+  }
+  EXPECT_GT(point, least_points);
+}
+
 TEST(CrashPoints, AnEndThatDiesAtAnyChangeOfItsDiskGoesOnAfterwards) {
-  const Octets file = random_file(60'000, 5);
-  for (const std::uint64_t victim : {ground, satellite}) {
-    for (const bool effect : {false, true}) {
-      std::size_t point = 0;
-      for (;; ++point) {
-        SimulatedLink link({.loss = 0.05}, 3);
-        link.start();
-        link.at(ground).files.add("a", file);
-        ASSERT_TRUE(link.entity(ground).put("a", "b"));
-        link.at(victim).files.calls_until_kill = point;
-        link.at(victim).files.kill_after_effect = effect;
-        ASSERT_TRUE(link.run(link.now + seconds(600))) << "hangs after a death at " << point;
-        ASSERT_TRUE(link.idle()) << point;
-        ASSERT_NE(link.at(satellite).files.content("b"), nullptr) << point;
-        ASSERT_TRUE(*link.at(satellite).files.content("b") == file) << point;
-        ASSERT_EQ(link.at(satellite).files.temporaries(), 0U) << point;
-        // Stop when n exceeds the number of changes: no end died.
-        if (link.at(victim).files.calls_until_kill) break;
+  for (const std::size_t octets : {0U, 3'000U, 60'000U}) {
+    const Octets file = random_file(octets, 5);
+    for (const double loss : {0.0, 0.05}) {
+      for (const bool effect : {false, true}) {
+        SCOPED_TRACE(std::to_string(octets) + " octets, loss " + std::to_string(loss));
+        die_at_any_change(file, loss, ground, effect, 1);
+        die_at_any_change(file, loss, satellite, effect, 3 + octets / 1000);
       }
-      EXPECT_GT(point, victim == ground ? 3U : 60U);
     }
   }
 }
