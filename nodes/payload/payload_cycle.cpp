@@ -60,6 +60,7 @@ PayloadActions PayloadCycle::activate(MonotonicTime now) {
   // A predecessor may have died in the middle of a power cycle.
   power_ = kept_off_ ? Power::switching_off : Power::switching_on;
   keep_off_wanted_ = kept_off_;
+  kept_off_until_ = std::min(kept_off_until_, now + settings_.kept_off_time_max);
   act(SwitchPower{!kept_off_});
   return finish();
 }
@@ -633,7 +634,10 @@ void PayloadCycle::start_power_cycle(const std::string& reason, nanoseconds off_
 
 void PayloadCycle::on_power_deadline() {
   power_deadline_.reset();
-  if (power_ == Power::off) power_ = Power::switching_on;
+  if (power_ == Power::off) {
+    keep_off(false);  // if it was: one trial, for the monitor remembers the cycles in vain
+    power_ = Power::switching_on;
+  }
   act(SwitchPower{true});
 }
 
@@ -659,13 +663,13 @@ void PayloadCycle::on_switched_off(bool ok, MonotonicTime now) {
     return;
   }
   power_ = Power::off;
-  power_deadline_.reset();  // of a switch-on that did not obey
-  if (!stays) {
-    power_deadline_ = now + power_off_time_;
-  } else if (!kept_off_) {
+  if (stays && !kept_off_) {
+    kept_off_until_ = now + kept_off_time();
     keep_off(true);
     act(PayloadEvent{.kind = PayloadEvent::Kind::peripheral_kept_off, .number = babble_.in_a_row()});
   }
+  power_deadline_ =
+      stays ? kept_off_until_ : now + power_off_time_;  // not that of a switch-on that did not obey
 }
 
 void PayloadCycle::note_ids_lost(bool lost) {
@@ -675,7 +679,16 @@ void PayloadCycle::note_ids_lost(bool lost) {
 void PayloadCycle::keep_off(bool off) {
   if (kept_off_ == off) return;
   kept_off_ = off;
-  act(RememberKeptOff{off});
+  act(RememberKeptOff{.kept_off = off, .until = kept_off_until_});
+}
+
+nanoseconds PayloadCycle::kept_off_time() const {
+  nanoseconds time = settings_.kept_off_time;
+  const std::uint32_t in_a_row = babble_.in_a_row();
+  for (std::uint32_t i = settings_.babble.power_cycles; i < in_a_row && time < settings_.kept_off_time_max;
+       ++i)
+    time *= 2;
+  return std::min(time, settings_.kept_off_time_max);
 }
 
 PayloadActions PayloadCycle::on_unsolicited_frame(MonotonicTime now) {

@@ -32,6 +32,10 @@ struct PayloadSettings {
       milliseconds(5);  ///< for the last own frames after the allotted time; then they are taken back
   nanoseconds power_off_time = milliseconds(200);  ///< of a power cycle that no telecommand ordered
   nanoseconds power_retry = milliseconds(500);     ///< until the next try when the switch did not obey
+  /// A babbling peripheral is kept off for this long, twice as long after each trial in vain, at most
+  /// kept_off_time_max: what no power cycle cured may be over, and without its peripheral a spacecraft ends.
+  nanoseconds kept_off_time = std::chrono::minutes(10);
+  nanoseconds kept_off_time_max = std::chrono::hours(6);
   std::uint32_t silent_slots_to_power_cycle = 20;  ///< in a row; 0: never
   BabbleMonitor::Settings babble{};
   nanoseconds measurement_period{0};  ///< slots before its end without a telecommand are given back; 0: never
@@ -136,6 +140,7 @@ struct SwitchPower {
 /// Whether the peripheral is kept off is remembered across a restart.
 struct RememberKeptOff {
   bool kept_off = false;
+  MonotonicTime until;  ///< when it is tried again
 };
 /// The peripheral loses the ids it knew while the disk lacks what it executed: remembered without the disk,
 /// across a restart of the process, until the disk has it.
@@ -173,8 +178,9 @@ enum class RequestFailure : std::uint8_t { silent, garbage, not_sent };
 /// peripheral, take its answer, execute stored telecommands, let the last own frame leave, release, process.
 /// Whatever goes wrong ends in a release before the lease does, except when own frames are stuck in the
 /// controller and cannot be taken back: then only the switcher's fence can prove that they are gone. A
-/// peripheral that babbles is switched off and on, and in the end kept off until a telecommand power-cycles
-/// it. Pure: time and all input come by the calls, what to do goes out as actions. One thread.
+/// peripheral that babbles is switched off and on, and in the end kept off, with a trial now and then, or
+/// until a telecommand power-cycles it. Pure: time and all input come by the calls, what to do goes out as
+/// actions. One thread.
 class PayloadCycle {
  public:
   using CommandDecoder =
@@ -182,8 +188,11 @@ class PayloadCycle {
 
   PayloadCycle(PayloadSettings settings, CommandDecoder decode, TelecommandJournal journal);
 
-  /// An earlier process of this node kept the peripheral off. Before activate().
-  void restore_kept_off() { kept_off_ = true; }
+  /// An earlier process of this boot kept the peripheral off. Before activate().
+  void restore_kept_off(MonotonicTime until) {
+    kept_off_ = true;
+    kept_off_until_ = until;
+  }
   /// The peripheral lost its ids under an earlier process, whose last telecommands are not on the disk.
   void restore_ids_lost() {
     ids_lost_ = true;
@@ -303,6 +312,8 @@ class PayloadCycle {
   void on_switched_off(bool ok, MonotonicTime now);
   void note_ids_lost(bool lost);
   void keep_off(bool off);
+  /// Until the next trial of a peripheral that is kept off.
+  [[nodiscard]] nanoseconds kept_off_time() const;
   /// When the own frames must have left, or are taken back.
   [[nodiscard]] MonotonicTime drain_deadline(MonotonicTime now) const;
   [[nodiscard]] MonotonicTime answer_deadline(MonotonicTime now) const;
@@ -341,6 +352,7 @@ class PayloadCycle {
   BabbleMonitor babble_;
   bool keep_off_wanted_ = false;  ///< being switched off to stay so
   bool kept_off_ = false;
+  MonotonicTime kept_off_until_;
   bool ids_lost_ = false;  ///< remembered
   nanoseconds power_off_time_{0};
   std::string power_reason_;

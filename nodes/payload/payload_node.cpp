@@ -12,10 +12,12 @@
 #include "base/excerpt.hpp"
 #include "base/file.hpp"
 #include "base/private_file.hpp"
+#include "base/process.hpp"
 #include "base/saturate.hpp"
 #include "base/text.hpp"
 #include "hw/open.hpp"
 #include "nodes/payload/frame_conversion.hpp"
+#include "nodes/payload/kept_off.hpp"
 #include "nodes/payload/payload_events.hpp"
 #include "suite/commanding/messages.hpp"
 #include "suite/state_files.hpp"
@@ -181,7 +183,11 @@ void PayloadNode::restore() {
   std::error_code ec;
   const auto marked = std::filesystem::file_size(ids_lost_mark(), ec);
   if (!ec && marked > 0) cycle_->restore_ids_lost();
-  if (std::filesystem::exists(kept_off_mark())) cycle_->restore_kept_off();
+  const auto kept_off = read_file(kept_off_mark(), 64);
+  if (kept_off) {
+    if (const auto until = kept_off_until(*kept_off, kernel_boot_id().value_or("unknown")))
+      cycle_->restore_kept_off(*until);
+  }
   once_done_ = OnceDone(std::nullopt);
   if (std::filesystem::exists(once_done_file(), ec))
     once_done_ = OnceDone(read_file(once_done_file(), 32).value_or(""));
@@ -813,9 +819,11 @@ void PayloadNode::carry_out(const WithdrawFrames& /*action*/) {
 }
 
 void PayloadNode::carry_out(const RememberKeptOff& action) {
-  (void)store_worker_->post([file = kept_off_mark(), kept_off = action.kept_off] {
+  (void)store_worker_->post([file = kept_off_mark(), action] {
     const auto written =
-        kept_off ? write_file_atomically(file, "kept off: it babbles\n") : remove_durably(file);
+        action.kept_off
+            ? write_file_atomically(file, kept_off_text(action.until, kernel_boot_id().value_or("unknown")))
+            : remove_durably(file);
     if (!written) log::error("{}", written.error().message);
   });
 }

@@ -4,6 +4,7 @@
 
 #include "base/text.hpp"
 #include "nodes/payload/frame_conversion.hpp"
+#include "nodes/payload/kept_off.hpp"
 #include "nodes/payload/payload_events.hpp"
 #include "suite/commanding/messages.hpp"
 
@@ -80,7 +81,10 @@ void Payload::restore() {
   if (const auto state = around_.disk.read(host_.name() + "/processing"))
     (void)profile_->restore_state(*state);
   if (around_.ids_lost) cycle_->restore_ids_lost();
-  if (around_.disk.read(host_.name() + "/peripheral_kept_off")) cycle_->restore_kept_off();
+  if (const auto kept_off = around_.disk.read(host_.name() + "/peripheral_kept_off")) {
+    if (const auto until = kept_off_until(as_text(*kept_off), around_.boot_id))
+      cycle_->restore_kept_off(*until);
+  }
   const auto once_done = around_.disk.read(host_.name() + "/mode_orders_done");
   once_done_ = once_done ? OnceDone(as_text(*once_done)) : OnceDone(std::nullopt);
   mode_orders_ = resolve_orders(around_.dictionary, around_.modes, host_.name(),
@@ -316,7 +320,8 @@ void Payload::carry_out(const WithdrawFrames& /*action*/) {
 void Payload::carry_out(const RememberKeptOff& action) {
   const std::string file = host_.name() + "/peripheral_kept_off";
   if (action.kept_off) {
-    around_.disk.write(host_, file, Octets{1}, [](bool) {});
+    const std::string text = kept_off_text(action.until, around_.boot_id);
+    around_.disk.write(host_, file, Octets(text.begin(), text.end()), [](bool) {});
   } else {
     around_.disk.remove(file);
   }
