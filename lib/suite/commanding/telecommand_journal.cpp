@@ -243,9 +243,10 @@ bool TelecommandJournal::attempt_failed(FailureCode why) {
 }
 
 void TelecommandJournal::on_ids_lost() {
+  interrupt_restored();
+  // Of its own, this process has sent none but the first.
   if (pending_.empty() || pending_.front().telecommand.repeat != RepeatClass::by_id) return;
-  // Those behind the first have never been sent.
-  if (pending_.front().attempts > 0 || pending_.front().restored) finish(mission::failure::interrupted);
+  if (pending_.front().attempts > 0) finish(mission::failure::interrupted);
 }
 
 void TelecommandJournal::interrupt_restored() {

@@ -94,8 +94,8 @@ class TelecommandJournal {
   /// most three);
   ///         else it ended with @p why (at-most-once: interrupted)
   bool attempt_failed(FailureCode why);
-  /// The peripheral lost the ids it knew (its power was cut): a by_id command that it may have executed is
-  /// not repeated, and ends as interrupted.
+  /// The peripheral lost the ids it knew (its power was cut): a by_id command that it may have executed, also
+  /// any restored one, is not repeated, and ends as interrupted.
   void on_ids_lost();
   /// The same when that happened to an earlier process, and what the disk had then was older: any restored
   /// by_id command may have been executed, and ends as interrupted.

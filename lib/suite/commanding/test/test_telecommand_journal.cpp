@@ -201,6 +201,19 @@ TEST_F(TelecommandJournalTest, EndsAllRestoredByIdCommandsWhenAnOldFileMayLackTh
                                                     failed(3, mission::failure::interrupted)));
 }
 
+TEST_F(TelecommandJournalTest, EndsAllRestoredByIdCommandsWhenThePeripheralForgetsTheIdsLater) {
+  store(command(1, RepeatClass::idempotent));
+  store(command(
+      2, RepeatClass::by_id));  // a predecessor may have executed both, and died before it recorded that
+  TelecommandJournal restarted("boot-a");
+  ASSERT_TRUE(restarted.restore(journal.encode()).has_value());
+  restarted.on_ids_lost();
+  ASSERT_EQ(restarted.pending(), 1U);
+  EXPECT_EQ(restarted.next(now)->id, 1U);
+  restarted.on_written(restarted.revision(), true);
+  EXPECT_THAT(restarted.take_reports(), ElementsAre(failed(2, mission::failure::interrupted)));
+}
+
 TEST_F(TelecommandJournalTest, DoesNotExpireWhatBeganInTime) {
   store(command(1, RepeatClass::by_id, now));
   ASSERT_NE(journal.next(now), nullptr);
