@@ -46,6 +46,13 @@ Result<std::string, std::string> new_token() {
   return to_hex(random);
 }
 
+Result<Fd, std::string> open_lock(const std::filesystem::path& path) {
+  constexpr mode_t owner_alone = 0600;
+  Fd lock(::open(path.c_str(), O_RDWR | O_CREAT | O_CLOEXEC | O_NOFOLLOW, owner_alone));
+  if (!lock) return Err(fmt::format("{}: cannot open: {}", path.string(), errno_text(errno)));
+  return lock;
+}
+
 }  // namespace
 
 bool equal_in_constant_time(std::string_view given, std::string_view secret) {
@@ -86,11 +93,18 @@ std::optional<std::string> wrong_site(const HttpRequest& request, const Site& si
 }
 
 Result<Fd, std::string> lock_web_file(const std::filesystem::path& state_dir) {
-  const auto path = state_dir / "web.lock";
-  constexpr mode_t owner_alone = 0600;
-  Fd lock(::open(path.c_str(), O_RDWR | O_CREAT | O_CLOEXEC | O_NOFOLLOW, owner_alone));
-  if (!lock) return Err(fmt::format("{}: cannot open: {}", path.string(), errno_text(errno)));
-  if (::flock(lock.get(), LOCK_EX | LOCK_NB) != 0) lock.reset();
+  auto lock = open_lock(state_dir / "web.lock");
+  if (lock && ::flock(lock->get(), LOCK_EX | LOCK_NB) != 0) lock->reset();
+  return lock;
+}
+
+Result<Fd, std::string> await_web_of_server(const std::filesystem::path& state_dir) {
+  const auto path = state_dir / "web_of_server.lock";
+  auto lock = open_lock(path);
+  if (!lock) return lock;
+  while (::flock(lock->get(), LOCK_EX) != 0) {
+    if (errno != EINTR) return Err(fmt::format("{}: cannot lock: {}", path.string(), errno_text(errno)));
+  }
   return lock;
 }
 

@@ -57,5 +57,9 @@ struct WebFile {
 /// The right to write web.json: that of the first gateway of a folder, for as long as it runs (a lock on
 /// STATE/web.lock). Invalid: another gateway has it. The error is ready to print.
 [[nodiscard]] Result<Fd, std::string> lock_web_file(const std::filesystem::path& state_dir);
+/// The right to be the gateway of the folder's server, for as long as it runs (a lock on
+/// STATE/web_of_server.lock). Blocks while an earlier server's gateway has it: that one was killed with its
+/// server, and keeps web.lock, too, until the kernel has ended all its threads.
+[[nodiscard]] Result<Fd, std::string> await_web_of_server(const std::filesystem::path& state_dir);
 
 }  // namespace srfs::ground::api

@@ -10,6 +10,7 @@
 #include <sys/prctl.h>
 #include <unistd.h>
 
+#include "ground/api/access.hpp"
 #include "ground/archive/recorder.hpp"
 #include "ground/bridge.hpp"
 #include "ground/server.hpp"
@@ -139,9 +140,12 @@ Exit serve(const Operation& operation) {
 /// Serves until a signal; with its server's end it ends, too.
 Exit web(const Operation& operation) {
   const Arguments& a = operation.arguments;
+  Result<Fd, std::string> of_server = Fd();
   if (a.owner != 0) {
     static_cast<void>(::prctl(PR_SET_PDEATHSIG, SIGKILL));
     if (::getppid() != a.owner) return Exit::done;  // it ended before
+    of_server = api::await_web_of_server(operation.state_dir);
+    if (!of_server) return fail(a, of_server.error());
   }
   const auto done =
       api::run_web_gateway(operation.dictionary, operation.state_dir, archive_place(operation), a.web);

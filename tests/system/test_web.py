@@ -133,7 +133,8 @@ class WebTest(SystemTest):
                 self.assertEqual(web.end(), 0)
 
     def wait_for_stage(self, stream, stage, **wanted):
-        wait_until(lambda: stage in stream.stages(**wanted), DEADLINE_S, f"stage {stage} of {wanted}: {stream.stages(**wanted)}")
+        wait_until(lambda: stage in stream.stages(**wanted) or stream.stages(final=True, **wanted), DEADLINE_S, f"{wanted} ends")
+        self.assertIn(stage, stream.stages(**wanted), wanted)
 
     def stalled_reader(self, web):
         """Asks for everything there is, and reads nothing."""
@@ -155,9 +156,10 @@ class WebTest(SystemTest):
             self.assertEqual(stream.stages(token=sent["token"])[:2], ["sent", "accepted"])
             # Those of others, too.
             self.assertEqual(self.ground_run("tc", "eps.switch_load", "load=1", "state=on", "--wait").returncode, 0)
-            others = [d for _, kind, d in stream.events if kind == "tc_stage" and "who" in d]
-            self.assertEqual([d["stage"] for d in others][:2], ["sent", "accepted"])
-            self.assertIn("tc", others[0]["who"])
+            others = lambda: [d for _, kind, d in list(stream.events) if kind == "tc_stage" and "who" in d]  # noqa: E731
+            wait_until(lambda: "completed" in [d["stage"] for d in others()], DEADLINE_S, "the stream has it, too")
+            self.assertEqual([d["stage"] for d in others()][:2], ["sent", "accepted"])
+            self.assertIn("tc", others()[0]["who"])
             # A hazardous one is armed first, and only with its name typed again.
             hazardous = {"arguments": {"off_ms": 100}}
             status, refused = web.telecommand("eps.power_cycle_peripheral", **hazardous)
@@ -168,8 +170,9 @@ class WebTest(SystemTest):
             self.wait_for_stage(stream, "completed", token=sent["token"], command="eps.power_cycle_peripheral")
             self.assertIn("completed", stream.stages(token=sent["token"], arms="eps.power_cycle_peripheral"))
             # What it knows.
-            status, latest = web.ask("GET", "latest", token="observe")
-            self.assertIn("fields", latest["values"]["timing"])
+            timing = lambda: web.ask("GET", "latest", token="observe")[1]["values"].get("timing")  # noqa: E731
+            wait_until(timing, DEADLINE_S, "timing's telemetry has come")
+            self.assertIn("fields", timing())
             status, station = web.ask("GET", "station", token="observe")
             self.assertEqual((station["line"], station["locked"]), ("open", True))
             names = [c["name"] for c in web.ask("GET", "commands?limit=10")[1]]

@@ -3,9 +3,11 @@
 #include "ground/api/access.hpp"
 
 #include <algorithm>
+#include <atomic>
 #include <cctype>
 #include <fstream>
 #include <set>
+#include <thread>
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -82,6 +84,21 @@ TEST(WebFile, HoldsTokensThatStayAndThatTheOwnerAloneReads) {
   EXPECT_EQ(again->tokens.command, made->tokens.command);
   EXPECT_EQ(again->url, "http://127.0.0.1:8190");
   EXPECT_NE(open_web_file(folder.path() / "other")->tokens.command, made->tokens.command);
+}
+
+TEST(WebFile, TheGatewayOfAServerWaitsUntilThatOfTheServerBeforeIsGone) {
+  const testing_support::TemporaryFolder folder;
+  auto before = await_web_of_server(folder.path());
+  ASSERT_TRUE(before);
+  std::atomic<bool> gone = false;
+  std::thread next([&] {
+    const auto lock = await_web_of_server(folder.path());
+    EXPECT_TRUE(lock && *lock);
+    EXPECT_TRUE(gone);
+  });
+  gone = true;
+  before->reset();
+  next.join();
 }
 
 TEST(WebFile, IsWrittenByTheFirstGatewayOfAFolderAlone) {
