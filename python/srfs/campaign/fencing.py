@@ -17,7 +17,7 @@ import time
 from srfs.campaign import witness
 from srfs.campaign.campaign import Campaign
 from srfs.flight.deployments import PAYLOADS
-from srfs.flight.lateness import Lateness, describe_lateness
+from srfs.flight.lateness import Lateness, Waiting, describe_lateness, long_waits
 from srfs.flight.processes import wait_until
 from srfs.program import MissionError
 from srfs.report import check_none, pyplot, save, write_csv
@@ -38,6 +38,7 @@ FAULTS = (
 STOP_S = ((0.0002, 0.005), (0.005, 0.03), (0.03, 0.08), (0.08, 0.4))  # from an instant to several leases
 FAULT_PERIOD_S = (0.1, 0.9)
 UP_DEADLINE_S = 10
+UP_MOST_S = 10 * UP_DEADLINE_S + 30  # time in which a start waits for a CPU does not count against its deadline
 SETTLE_S = 90  # time for the telecommands under way to end after the last fault
 BOUND_S = 15  # limit of each recovery; the summary lists the measured times
 
@@ -53,6 +54,7 @@ class Fencing(Campaign):
         self._stopped = []  # heap of (time to continue, n, pidfd)
         self._n = 0
         self._quit = threading.Event()
+        self._start_failed = None
         self._restarts = 0
 
     def on_record(self, message):
@@ -112,6 +114,12 @@ class Fencing(Campaign):
         os.close(handle)
         return True
 
+    def _keep_started(self):
+        try:
+            self._start_what_is_missing()
+        except Exception as error:  # _disturb() raises it
+            self._start_failed = error
+
     def _start_what_is_missing(self):
         """Starts missing nodes until the campaign ends. The deployment has no ring, so only the switcher's work is measured."""
         nodes = (SWITCHER, *PAYLOADS)
@@ -119,7 +127,7 @@ class Fencing(Campaign):
             if all(self.flight.node_pid(node) for node in nodes):
                 continue
             self._restarts += 1
-            self.flight.srfs("up", "--deadline", str(UP_DEADLINE_S), timeout_s=UP_DEADLINE_S + 30)
+            self.flight.srfs("up", "--deadline", str(UP_DEADLINE_S), timeout_s=UP_MOST_S)
 
     # --- faults -----------------------------------------------------------------------------------------------------
 
@@ -179,19 +187,20 @@ class Fencing(Campaign):
 
     def run(self):
         self.listen()
-        starter = threading.Thread(target=self._start_what_is_missing, daemon=True)
+        starter = threading.Thread(target=self._keep_started, daemon=True)
         starter.start()
         self.begin = time.monotonic_ns()
         try:
-            with Lateness() as machine:
+            with Lateness() as machine, Waiting(self.flight.var) as waiting:
                 self._disturb()
                 self._go_on(everybody=True)
                 self._settle()
         finally:
             self._go_on(everybody=True)
             self._quit.set()
-            starter.join(UP_DEADLINE_S + 40)
+            starter.join(UP_MOST_S + 10)
         self.machine = machine.end()
+        self.late = self.machine["late_at"] + long_waits(waiting.end(), ("hw_sim", SWITCHER, *PAYLOADS))
         self.executions.ask()
         self.lines = self.flight.can_log(until_ns=time.monotonic_ns(), deadline_s=5)
 
@@ -202,6 +211,8 @@ class Fencing(Campaign):
             self.signals.check()
             if self.flight.hw_sim.poll() is not None:
                 raise MissionError("the simulated spacecraft is gone")
+            if self._start_failed:
+                raise MissionError(f"nodes could not be started: {self._start_failed}")
             now = time.monotonic()
             if now - asked > 1:
                 asked = now
@@ -232,7 +243,7 @@ class Fencing(Campaign):
     # --- files ------------------------------------------------------------------------------------------------------
 
     def judge(self):
-        verdict, found = witness.judge(self.lines, self.messages, self.executions.of, self.faults, int(BOUND_S * 1e9), self.machine["late_at"])
+        verdict, found = witness.judge(self.lines, self.messages, self.executions.of, self.faults, int(BOUND_S * 1e9), self.late)
         if self.executions.unseen:
             verdict["checks"].append(check_none([f"{self.executions.unseen} executions"], "every execution was seen"))
             verdict["ok"] = False

@@ -288,7 +288,9 @@ def distribution(values):
 
 def judge(lines, messages, executed, faults, bound_ns, late=()):
     grants = grants_of(messages)
-    begin = grants[0].published if grants else 0  # the bus was in use before the observer received flags
+    # The bus was in use before the observer received flags; with the first flag it knows the switcher, and so whom each slot belongs to.
+    flags = {(m["switcher"], m["grant"]) for m in messages if m["type"] == "flags" and m["holder"]}
+    begin = next((grant.published for grant in grants if grant.id in flags), 0)
     frames = [frame for frame in computer_frames(lines) if frame.at >= begin]
     telecommands = telecommands_of(messages)
     found = recoveries(faults, used_slots(messages, grants))
@@ -302,7 +304,7 @@ def judge(lines, messages, executed, faults, bound_ns, late=()):
         no_interleaving(frames, grants),
         *executed_once(telecommands, executed, late=late),
         at_most_once(telecommands, frames, orders),
-        told_to_the_ground([m for m in messages if m["type"] == "tc_stage"], late=late),
+        told_to_the_ground([m for m in messages if m["type"] == "tc_stage"], late=late, overloads=late),
         bounded_gaps(found, bound_ns),
     ]
     kinds = sorted({r.fault.kind for r in found})
