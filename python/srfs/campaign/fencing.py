@@ -256,7 +256,7 @@ class Fencing(Campaign):
         """Writes the input of the verdict, for inspection and for judging it again."""
         (folder / "can.log").write_text("\n".join(self.lines) + "\n")
         (folder / "executed.json").write_text(json.dumps(self.executions.of) + "\n")
-        (folder / "late.json").write_text(json.dumps(self.machine["late_at"]) + "\n")
+        (folder / "late.json").write_text(json.dumps(self.late) + "\n")
         self.write_record(folder)
         ms = lambda ns: "" if ns is None else f"{ns / 1e6:.3f}"  # noqa: E731
         write_csv(folder / "faults.csv", ["kind", "victim", "begin_ns", "stopped_ms", "bus_gap_ms", "victim_gap_ms"],
