@@ -64,12 +64,17 @@ Result<void, CheckpointError> Entity::restore(OctetView checkpoint, MonotonicTim
   for (SendState& s : state->senders) {
     if (has_room()) senders_.push_back(std::make_unique<Sender>(context(), std::move(s)));
   }
+  bool check_begins = false;
   for (ReceiveState& r : state->receivers) {
     if (!has_room()) break;
+    const bool was_receiving = r.stage == ReceiveState::Stage::receiving;
     // One whose gaps are too many for the settings of today is as good as unknown: its sender begins anew.
     auto restored = Receiver::restore(*this, std::move(r), now);
-    if (restored) receivers_.push_back(std::make_unique<Receiver>(std::move(*restored)));
+    if (!restored) continue;
+    check_begins = check_begins || (was_receiving && restored->is_checking());
+    receivers_.push_back(std::make_unique<Receiver>(std::move(*restored)));
   }
+  if (check_begins) save_checkpoint();  // before the file gets its name
   return {};
 }
 

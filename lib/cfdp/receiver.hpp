@@ -80,6 +80,7 @@ class Receiver {
   [[nodiscard]] Report report() const;
   /// Of the file that is not yet under its name.
   [[nodiscard]] std::uint64_t stored_octets() const;
+  [[nodiscard]] bool is_checking() const { return state_.stage == ReceiveState::Stage::checking; }
 
  private:
   using Stage = ReceiveState::Stage;
