@@ -128,7 +128,7 @@ void PacketStore::append(const RecordStamp& stamp, OctetView packet) {
     ++counters_.full;
     return;
   }
-  pending_index_.count(stamp.tai, next_sequence_);
+  pending_index_.count(kept_time(stamp.tai), next_sequence_);
   append_record(pending_, next_sequence_++, stamp, packet);
 }
 
@@ -251,7 +251,9 @@ const Octets* PacketStore::content_of(std::uint32_t number) {
 RetrievedPackets PacketStore::read(const RetrievalRange& range, RetrievalCursor cursor,
                                    std::size_t limit_octets) {
   RetrievedPackets out;
-  const TaiTime from = kept_time(range.from);  // a packet's own time is finer than what its record keeps
+  // A packet's own time is finer than what its record keeps, and rounded to the nearest 2^-24 s.
+  constexpr nanoseconds rounding{30};
+  const TaiTime from = kept_time(std::max(range.from, TaiTime(rounding)) - rounding);
   if (opened_ && !pending_.empty() && !write_pending()) ++counters_.write_failures;
   const std::uint32_t end_sequence = cursor.end_sequence.value_or(next_sequence_);
   out.next = {.end_sequence = end_sequence, .begin_sequence = cursor.begin_sequence};

@@ -7,6 +7,7 @@
 #include <filesystem>
 #include <fstream>
 #include <map>
+#include <random>
 #include <utility>
 #include <vector>
 
@@ -18,6 +19,7 @@
 
 #include "base/crc32c.hpp"
 #include "tests/temporary_folder.hpp"
+#include "wire/cuc.hpp"
 
 namespace srfs {
 namespace {
@@ -180,14 +182,19 @@ TEST_F(PacketStoreOnDisk, GivesBackThePacketsOfAPeriodUnchangedAndInOrder) {
 TEST_F(PacketStoreOnDisk, APeriodThatBeginsAtThePacketsOwnTimeHasThePacket) {
   PacketStore store(config());
   ASSERT_TRUE(store.open());
-  for (int micros = 0; micros < 100; ++micros) {
-    RecordStamp stamp = at(50 + micros);
-    stamp.tai = stamp.tai + milliseconds(123) + microseconds(micros);
-    const TaiTime exact = stamp.tai;
-    store.append(stamp, packet(micros));
-    EXPECT_EQ(store.read({.from = exact, .to = exact}, {}, 1000).packets.size(), 1U) << micros << " us";
-    ASSERT_TRUE(store.commit());
-    EXPECT_EQ(store.read({.from = exact, .to = exact}, {}, 1000).packets.size(), 1U) << micros << " us";
+  std::mt19937_64 random(1);
+  for (int i = 0; i < 500; ++i) {
+    RecordStamp stamp = at(50 + i);
+    // Also next to a limit of what the record keeps, where the packet's time is rounded up.
+    stamp.tai = stamp.tai + nanoseconds(i % 2 == 0 ? (random() % 65'536) * 1'000'000'000 / 65'536
+                                                   : random() % 1'000'000'000);
+    const TaiTime told = *wire::decode_cuc(wire::encode_cuc(stamp.tai));
+    store.append(stamp, packet(i));
+    EXPECT_EQ(store.read({.from = told, .to = told}, {}, 1000).packets.size(), 1U) << told.ns();
+    if (i % 10 == 9) {
+      ASSERT_TRUE(store.commit());
+      EXPECT_EQ(store.read({.from = told, .to = told}, {}, 1000).packets.size(), 1U) << told.ns();
+    }
   }
 }
 
