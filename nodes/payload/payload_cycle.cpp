@@ -634,10 +634,8 @@ void PayloadCycle::start_power_cycle(const std::string& reason, nanoseconds off_
 
 void PayloadCycle::on_power_deadline() {
   power_deadline_.reset();
-  if (power_ == Power::off) {
-    keep_off(false);  // if it was: one trial, for the monitor remembers the cycles in vain
-    power_ = Power::switching_on;
-  }
+  keep_off(false);  // if it was: one trial, for the monitor remembers the cycles in vain
+  if (power_ == Power::off) power_ = Power::switching_on;
   act(SwitchPower{true});
 }
 
@@ -659,7 +657,11 @@ void PayloadCycle::on_switched_off(bool ok, MonotonicTime now) {
   if (!ok) {
     end_power_cycle(mission::failure::power_switch_failed);
     // It may obey all the same, later than it was waited for.
-    if (!kept_off_) act(SwitchPower{true});
+    if (kept_off_) {
+      power_deadline_ = kept_off_until_;
+    } else {
+      act(SwitchPower{true});
+    }
     return;
   }
   power_ = Power::off;

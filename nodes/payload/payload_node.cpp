@@ -80,7 +80,7 @@ void PayloadNode::declare_parameters() {
   declare_parameter("silent_slots_to_power_cycle", std::int64_t{20}, ros::ParameterRange{0, 100000},
                     "Silent slots in a row after which the peripheral is power-cycled; 0: never");
   declare_parameter("babble_power_cycles", std::int64_t{3}, ros::ParameterRange{0, 100},
-                    "Power cycles of a babbling peripheral before it is kept off until commanded");
+                    "Power cycles of a babbling peripheral before it is kept off for a while");
   declare_parameter("measurement_period_ms", std::int64_t{0}, ros::ParameterRange{0, 3600000},
                     "A slot without a telecommand, sooner than this after the last measurement, is released "
                     "unused; 0: never");
@@ -185,8 +185,11 @@ void PayloadNode::restore() {
   if (!ec && marked > 0) cycle_->restore_ids_lost();
   const auto kept_off = read_file(kept_off_mark(), 64);
   if (kept_off) {
-    if (const auto until = kept_off_until(*kept_off, kernel_boot_id().value_or("unknown")))
+    const auto until = kept_off_until(*kept_off, kernel_boot_id().value_or("unknown"));
+    if (until)
       cycle_->restore_kept_off(*until);
+    else
+      (void)remove_durably(kept_off_mark());
   }
   once_done_ = OnceDone(std::nullopt);
   if (std::filesystem::exists(once_done_file(), ec))
@@ -863,8 +866,10 @@ void PayloadNode::carry_out(const PayloadEvent& action) {
       log::error("the peripheral sends frames without request: its power is cut");
       break;
     case Kind::peripheral_kept_off:
-      log::error("the peripheral babbled again after {} power cycles: it stays off until commanded",
-                 action.number);
+      log::error(
+          "the peripheral babbled again after {} power cycles: it is tried again in 10 minutes to 6 hours, "
+          "or when commanded",
+          action.number);
       break;
     case Kind::telecommand_failed:
       log::warn("telecommand {} failed: {}", action.id, mission::failure_text(action.code));

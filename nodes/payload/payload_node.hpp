@@ -57,7 +57,7 @@ class PayloadNode : public suite::Node {
   void raise_order_failed(const std::string& order, const std::string& why);
   /// Number of the change of mode whose orders that count once are done.
   void remember_once_done(std::optional<std::uint32_t> change);
-  /// A file that is there while the peripheral is kept off.
+  /// As kept_off_text() has it while the peripheral is kept off.
   [[nodiscard]] std::filesystem::path kept_off_mark() const;
   /// On tmpfs: the disk may have failed. Another boot ends what was pending in any case.
   [[nodiscard]] std::filesystem::path ids_lost_mark() const;

@@ -750,6 +750,20 @@ TEST_F(PayloadCycleFlood, StaysOffAcrossARestartOfTheNode) {
   EXPECT_TRUE(next.peripheral_kept_off());
 }
 
+TEST_F(PayloadCycleFlood, IsTriedAgainAlsoWhenARestartCouldNotSwitchItOffOrTheTimeIsOver) {
+  for (const nanoseconds left : {nanoseconds(std::chrono::minutes(7)), nanoseconds(-seconds(1))}) {
+    PayloadCycle next{PayloadSettings{}, decode, TelecommandJournal{"boot"}};
+    next.restore_kept_off(now + left);
+    next.activate(now);
+    next.on_power_switched(false, false, now);
+    ASSERT_EQ(next.next_deadline(), now + left);
+    const PayloadActions trial = next.on_deadline(now + std::max(left, nanoseconds(0)));
+    EXPECT_FALSE(find<RememberKeptOff>(trial)->kept_off);
+    EXPECT_TRUE(find<SwitchPower>(trial)->on);
+    EXPECT_FALSE(next.peripheral_kept_off());
+  }
+}
+
 TEST_F(PayloadCycleFlood, IsCutOffInTheSlotToOnceNothingIsAskedOfIt) {
   grant();
   EXPECT_TRUE(cycle.expects_frames());

@@ -20,8 +20,7 @@ namespace {
 /// Checks the invariants.
 class World {
  public:
-  explicit World(std::uint64_t seed)
-      : random_(seed), cycle_(PayloadSettings{}, decode, TelecommandJournal("boot")) {
+  explicit World(std::uint64_t seed) : random_(seed), cycle_(settings(), decode, TelecommandJournal("boot")) {
     take(cycle_.activate(now_));
   }
 
@@ -85,6 +84,7 @@ class World {
     }
     ASSERT_TRUE(switching_.empty());
     ASSERT_TRUE(!active_ || powered_ == !kept_off_) << "what the node believes of the power is not so";
+    ASSERT_TRUE(!kept_off_ || cycle_.next_deadline()) << "nothing tries it again";
   }
 
   std::uint32_t slots = 0;
@@ -95,6 +95,12 @@ class World {
   std::uint32_t late_switches = 0;
 
  private:
+  static PayloadSettings settings() {
+    PayloadSettings settings;
+    settings.kept_off_time = milliseconds(300);
+    settings.kept_off_time_max = seconds(2);
+    return settings;
+  }
   static Result<PayloadCommand, FailureCode> decode(std::uint16_t function, OctetView /*arguments*/) {
     if (function == 16) return ResetPeripheral{};
     if (function == 17) return PowerCyclePeripheral{milliseconds(50)};
