@@ -3,6 +3,7 @@
 #include "ground/api/access.hpp"
 
 #include <cerrno>
+#include <cstdio>
 
 #include <fcntl.h>
 #include <fmt/format.h>
@@ -102,6 +103,8 @@ Result<Fd, std::string> await_web_of_server(const std::filesystem::path& state_d
   const auto path = state_dir / "web_of_server.lock";
   auto lock = open_lock(path);
   if (!lock) return lock;
+  if (::flock(lock->get(), LOCK_EX | LOCK_NB) == 0) return lock;
+  std::fprintf(stderr, "srfs-ground: the page comes when the gateway of the server before has ended\n");
   while (::flock(lock->get(), LOCK_EX) != 0) {
     if (errno != EINTR) return Err(fmt::format("{}: cannot lock: {}", path.string(), errno_text(errno)));
   }

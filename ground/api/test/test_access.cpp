@@ -7,11 +7,14 @@
 #include <cctype>
 #include <fstream>
 #include <set>
+#include <string>
 #include <thread>
 
+#include <fmt/format.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <sys/stat.h>
+#include <unistd.h>
 #include <yaml-cpp/yaml.h>
 
 #include "ground/api/routes.hpp"
@@ -86,6 +89,17 @@ TEST(WebFile, HoldsTokensThatStayAndThatTheOwnerAloneReads) {
   EXPECT_NE(open_web_file(folder.path() / "other")->tokens.command, made->tokens.command);
 }
 
+/// A thread of this process does, as the kernel tells.
+bool somebody_waits_for_a_lock() {
+  std::ifstream locks("/proc/locks");
+  for (std::string line; std::getline(locks, line);) {
+    if (line.find("-> FLOCK") != std::string::npos &&
+        line.find(fmt::format(" {} ", ::getpid())) != std::string::npos)
+      return true;
+  }
+  return false;
+}
+
 TEST(WebFile, TheGatewayOfAServerWaitsUntilThatOfTheServerBeforeIsGone) {
   const testing_support::TemporaryFolder folder;
   auto before = await_web_of_server(folder.path());
@@ -96,6 +110,7 @@ TEST(WebFile, TheGatewayOfAServerWaitsUntilThatOfTheServerBeforeIsGone) {
     EXPECT_TRUE(lock && *lock);
     EXPECT_TRUE(gone);
   });
+  while (!somebody_waits_for_a_lock()) std::this_thread::yield();
   gone = true;
   before->reset();
   next.join();
