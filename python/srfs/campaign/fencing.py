@@ -17,7 +17,7 @@ import time
 from srfs.campaign import witness
 from srfs.campaign.campaign import Campaign
 from srfs.flight.deployments import PAYLOADS
-from srfs.flight.lateness import Lateness, Waiting, describe_lateness, long_waits
+from srfs.flight.lateness import Excuses, Lateness, Waiting, describe_lateness
 from srfs.flight.processes import wait_until
 from srfs.program import MissionError
 from srfs.report import check_none, pyplot, save, write_csv
@@ -200,7 +200,9 @@ class Fencing(Campaign):
             self._quit.set()
             starter.join(UP_MOST_S + 10)
         self.machine = machine.end()
-        self.late = self.machine["late_at"] + long_waits(waiting.end(), ("hw_sim", SWITCHER, *PAYLOADS))
+        self.waiting = waiting.end()
+        if self._start_failed:
+            raise MissionError(f"nodes could not be started: {self._start_failed}")
         self.executions.ask()
         self.lines = self.flight.can_log(until_ns=time.monotonic_ns(), deadline_s=5)
 
@@ -243,7 +245,9 @@ class Fencing(Campaign):
     # --- files ------------------------------------------------------------------------------------------------------
 
     def judge(self):
-        verdict, found = witness.judge(self.lines, self.messages, self.executions.of, self.faults, int(BOUND_S * 1e9), self.late)
+        excuses = Excuses(self.machine, self.waiting)
+        verdict, found = witness.judge(self.lines, self.messages, self.executions.of, self.faults, int(BOUND_S * 1e9), self.machine["late_at"],
+                                       lambda payload, begin, end: excuses.find(("hw_sim", SWITCHER, payload), begin, end))  # fmt: skip
         if self.executions.unseen:
             verdict["checks"].append(check_none([f"{self.executions.unseen} executions"], "every execution was seen"))
             verdict["ok"] = False
@@ -256,7 +260,7 @@ class Fencing(Campaign):
         """Writes the input of the verdict, for inspection and for judging it again."""
         (folder / "can.log").write_text("\n".join(self.lines) + "\n")
         (folder / "executed.json").write_text(json.dumps(self.executions.of) + "\n")
-        (folder / "late.json").write_text(json.dumps(self.late) + "\n")
+        (folder / "late.json").write_text(json.dumps({"late_at": self.machine["late_at"], "waiting": self.waiting}) + "\n")
         self.write_record(folder)
         ms = lambda ns: "" if ns is None else f"{ns / 1e6:.3f}"  # noqa: E731
         write_csv(folder / "faults.csv", ["kind", "victim", "begin_ns", "stopped_ms", "bus_gap_ms", "victim_gap_ms"],

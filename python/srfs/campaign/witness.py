@@ -156,11 +156,12 @@ def was_late(late, begin, end):
     return any(a <= end and b >= begin for a, b in late)
 
 
-def executed_once(telecommands, executed, soak=False, late=()):
+def executed_once(telecommands, executed, soak=False, late=(), why_late=None):
     """executed: {payload: [low 32 bits of ids, in order]} as the peripherals report it.
     soak: hours on a busy machine, where an answer may come too late three times in a row; otherwise every telecommand must be answered.
     late: [(begin, end)] of periods in which the machine, and with it the simulated peripherals, was late (python/srfs/flight/lateness.py);
-    telecommands under way in such a period may go unanswered."""
+    telecommands under way in such a period may go unanswered.
+    why_late(payload, begin, end): why what needed this payload between two times may have come late; None: no reason was measured."""
     counts = {payload: collections.Counter(ids) for payload, ids in executed.items()}
     repeated, missing, false_reports, unanswered = [], [], [], []
     accepted = excused = 0
@@ -180,7 +181,7 @@ def executed_once(telecommands, executed, soak=False, late=()):
         if t.accepted and not t.success and t.failure not in UNANSWERED | {INTERRUPTED} and not (t.failure is None and times == 1) and not (t.failure == EXPIRED and times == 0):
             missing.append(f"{name}: {'failure code ' + str(t.failure) if t.failure is not None else 'no end was reported'}, executed {times} times")
         if t.accepted and t.failure in UNANSWERED:
-            if was_late(late, t.heard, t.failed):
+            if was_late(late, t.heard, t.failed) or why_late and why_late(t.target, t.heard, t.failed):
                 excused += 1
             else:
                 unanswered.append(f"{name}: failure code {t.failure}, executed {times} times")
@@ -194,21 +195,22 @@ def executed_once(telecommands, executed, soak=False, late=()):
     ]
 
 
-def told_to_the_ground(stages, soak=False, late=(), overloads=()):
+def told_to_the_ground(stages, soak=False, late=(), overloads=(), why_late=None):
     """Every telecommand sent has its end on the ground, and an accepted one fails only with a code that states what happened.
     In a soak, executed_once() judges how many remain unanswered. late: as in executed_once(). overloads: [(begin, end)] of overloads made
-    by the campaign, in which a telecommand may expire before its node gets a CPU to accept it."""
+    by the campaign, in which a telecommand may expire before its node gets a CPU to accept it. why_late: as in executed_once()."""
     first, last, wrong = {}, {}, []
     for m in stages:
         first.setdefault(m["line"], m)
         last[m["line"]] = m
     for m in last.values():
         begin, end = first[m["line"]]["at_ns"], m["at_ns"]
-        unanswered_is_said = soak or m["command"].endswith(".reset_peripheral") or was_late(late, begin, end)
+        is_excused = why_late is not None and why_late("payload_" + m["command"].split(".")[0], begin, end)
+        unanswered_is_said = soak or m["command"].endswith(".reset_peripheral") or was_late(late, begin, end) or is_excused
         if not m["final"]:
             wrong.append(f"{m['command']} (line {m['line']}): {m['stage']}, and no end")
         elif not m["success"] and m["code"] not in (
-            REFUSALS | {INTERRUPTED, EXPIRED} | (UNANSWERED if unanswered_is_said else set()) | ({NOT_TAKEN} if was_late(overloads, begin, end) else set())
+            REFUSALS | {INTERRUPTED, EXPIRED} | (UNANSWERED if unanswered_is_said else set()) | ({NOT_TAKEN} if was_late(overloads, begin, end) or is_excused else set())
         ):
             wrong.append(f"{m['command']} (line {m['line']}): {m['stage']}, code {m['code']}")
     return check_none(wrong, "the ground is told the end of every telecommand", len(last))
@@ -286,7 +288,7 @@ def distribution(values):
 # --- all of it ----------------------------------------------------------------------------------------------------------
 
 
-def judge(lines, messages, executed, faults, bound_ns, late=()):
+def judge(lines, messages, executed, faults, bound_ns, late=(), why_late=None):
     grants = grants_of(messages)
     # The bus was in use before the observer received flags; with the first flag it knows the switcher, and so whom each slot belongs to.
     flags = {(m["switcher"], m["grant"]) for m in messages if m["type"] == "flags" and m["holder"]}
@@ -302,9 +304,9 @@ def judge(lines, messages, executed, faults, bound_ns, late=()):
         one_holder(messages, grants),
         frames_in_their_slots(frames, grants),
         no_interleaving(frames, grants),
-        *executed_once(telecommands, executed, late=late),
+        *executed_once(telecommands, executed, late=late, why_late=why_late),
         at_most_once(telecommands, frames, orders),
-        told_to_the_ground([m for m in messages if m["type"] == "tc_stage"], late=late, overloads=late),
+        told_to_the_ground([m for m in messages if m["type"] == "tc_stage"], late=late, why_late=why_late),
         bounded_gaps(found, bound_ns),
     ]
     kinds = sorted({r.fault.kind for r in found})

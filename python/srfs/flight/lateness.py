@@ -80,11 +80,6 @@ def waited_ns(seen, names, begin_ns, end_ns):
     return longest
 
 
-def long_waits(seen, names):
-    """[begin, end] in ns where one of the processes waited longer for a CPU than LATE_S, as Waiting saw it."""
-    return [[begin, end] for name in names for begin, end, waited in seen.get(name, {}).get("waits", ()) if waited > LATE_S * 1e9]
-
-
 class Excuses:
     """What the machine's business costs is excused by what the witnesses measured meanwhile, and by nothing else."""
 

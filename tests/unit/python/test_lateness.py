@@ -73,10 +73,6 @@ class WaitingTest(unittest.TestCase):
         self.assertEqual(lateness.waited_ns(self.SEEN, ["ttc"], 200, 300), 0)
         self.assertEqual(lateness.waited_ns({}, ["ttc"], 0, 1000), 0, "without evidence nothing is excused")
 
-    def test_long_waits_are_those_that_a_callback_may_not_take(self):
-        seen = {"ttc": {"waits": [[0, 200, 30_000_000], [200, 400, 1_000_000]]}, "timing": {"waits": [[0, 200, 30_000_000]]}}
-        self.assertEqual(lateness.long_waits(seen, ["ttc", "hw_sim"]), [[0, 200]])
-
     def test_processes_of_a_suite_are_known_by_their_command_line(self):
         for words, name in (("/b/ttc_node --name ttc --var /tmp/v", "ttc"), ("/b/hw_sim --var /tmp/v", "hw_sim"), ("/b/srfs-ground --port /tmp/v/rs422", "srfs-ground"),
                             ("/usr/bin/python3 demo.py --var /tmp/v", None), ("/b/ttc_node --name ttc --var /tmp/v2", None), ("", None)):  # fmt: skip

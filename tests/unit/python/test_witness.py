@@ -139,6 +139,10 @@ class WitnessTest(unittest.TestCase):
         for late, good in (([(400 * MS, 430 * MS)], True), ([(901 * MS, 950 * MS)], False), ([], False)):
             checks = [*witness.executed_once(witness.telecommands_of(given_up), {EPS: [7]}, late=late), witness.told_to_the_ground(told, late=late)]
             self.assertEqual([c["ok"] for c in checks], [True, True, True, good, good], checks)
+        for waited, good in ((EPS, True), (ADCS, False)):
+            excused = lambda payload, begin, end, waited=waited: f"{payload} waited" if payload == waited and end == 900 * MS else None  # noqa: E731
+            checks = [*witness.executed_once(witness.telecommands_of(given_up), {EPS: [7]}, why_late=excused), witness.told_to_the_ground(told, why_late=excused)]
+            self.assertEqual([c["ok"] for c in checks], [True, True, True, good, good], checks)
         twice = witness.executed_once(witness.telecommands_of(given_up), {EPS: [7, 7]}, late=[(400 * MS, 430 * MS)])
         self.assertFalse(twice[0]["ok"], "lateness is no excuse for this")
 
