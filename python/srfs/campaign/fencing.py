@@ -39,6 +39,7 @@ STOP_S = ((0.0002, 0.005), (0.005, 0.03), (0.03, 0.08), (0.08, 0.4))  # from an 
 FAULT_PERIOD_S = (0.1, 0.9)
 UP_DEADLINE_S = 10
 UP_MOST_S = 10 * UP_DEADLINE_S + 30  # time in which a start waits for a CPU does not count against its deadline
+GROUND_PATIENCE_S = 60  # ttc tells each end at the latest 40 s after the acceptance: 10 s to its expiry, 30 s of grace
 SETTLE_S = 90  # time for the telecommands under way to end after the last fault
 BOUND_S = 15  # limit of each recovery; the summary lists the measured times
 
@@ -66,9 +67,9 @@ class Fencing(Campaign):
                 self._flag.notify_all()
 
     def telecommand(self, payload):
-        if self.random.random() < RESETS:
-            return f"{payload.removeprefix('payload_')}.reset_peripheral"
-        return super().telecommand(payload)
+        resets = self.random.random() < RESETS
+        text = f"{payload.removeprefix('payload_')}.reset_peripheral" if resets else super().telecommand(payload)
+        return f"{text} --timeout {GROUND_PATIENCE_S}"
 
     # --- processes --------------------------------------------------------------------------------------------------
 

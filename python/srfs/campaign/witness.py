@@ -19,6 +19,7 @@ ACCEPTED, STARTED, COMPLETED = 1, 3, 7  # stages of srfs_msgs/TelecommandReport
 INTERRUPTED, EXPIRED = 36, 20  # failure codes: outcome unknown; never begun
 UNANSWERED = {30, 31, 35}  # silence, garbage, slot over, three times in a row (a reset: once): also of unknown outcome
 ANSWERED_OF = 1000  # in a soak, one of so many telecommands may go unanswered
+COMPLETION_UNKNOWN = 40  # its node reported no end in time
 NOT_TAKEN = 21  # its node did not accept it before it expired
 REFUSALS = {10, 11, 22}  # by the node, before acceptance: no room, no storage, not active
 FIRST_PERIPHERAL_ACTION = 16  # functions from here on reset or power-cycle the peripheral: at most once
@@ -210,7 +211,7 @@ def told_to_the_ground(stages, soak=False, late=(), overloads=(), why_late=None)
         if not m["final"]:
             wrong.append(f"{m['command']} (line {m['line']}): {m['stage']}, and no end")
         elif not m["success"] and m["code"] not in (
-            REFUSALS | {INTERRUPTED, EXPIRED} | (UNANSWERED if unanswered_is_said else set()) | ({NOT_TAKEN} if was_late(overloads, begin, end) or is_excused else set())
+            REFUSALS | {INTERRUPTED, EXPIRED} | (UNANSWERED if unanswered_is_said else set()) | ({NOT_TAKEN} if was_late(overloads, begin, end) or is_excused else set()) | ({COMPLETION_UNKNOWN} if is_excused else set())
         ):
             wrong.append(f"{m['command']} (line {m['line']}): {m['stage']}, code {m['code']}")
     return check_none(wrong, "the ground is told the end of every telecommand", len(last))
