@@ -30,7 +30,8 @@ if(SRFS_CCACHE AND NOT CMAKE_CXX_COMPILER_LAUNCHER)
   # what ccache asks for with precompiled headers
   set(SRFS_CCACHE_SETTINGS ${CMAKE_COMMAND} -E env CCACHE_SLOPPINESS=pch_defines,time_macros)
   set(CMAKE_CXX_COMPILER_LAUNCHER ${SRFS_CCACHE_SETTINGS} ${SRFS_CCACHE})
-  set(SRFS_HEADER_LAUNCHER ${SRFS_CCACHE_SETTINGS} SRFS_CCACHE=${SRFS_CCACHE} ${PROJECT_SOURCE_DIR}/cmake/ccache_header)
+  # A precompiled header knows by their content the files that say #pragma once: one of older comments would let them be read twice.
+  set(SRFS_HEADER_LAUNCHER ${SRFS_CCACHE_SETTINGS} CCACHE_COMMENTS=1 SRFS_CCACHE=${SRFS_CCACHE} ${PROJECT_SOURCE_DIR}/cmake/ccache_header)
 endif()
 
 set(SRFS_SANITIZE "" CACHE STRING "Sanitizers: empty, 'address,undefined' or 'thread'")
