@@ -24,9 +24,9 @@ ATTEMPTS = ("list keys", "read order key seal/seal_key",
             "a real-time priority", "shared memory")  # fmt: skip
 # Where it says what only others may say, and what it asks of them.
 FORGED = ("/timing/tick", "/can/task_flags", "/telecommand", "/event", "/can/bus_status")
+ORDERED = ("~/change_state", "~/set_parameters")
 MOST_EXCUSED = 10  # slots of a payload, about one in five: more would be the hostile program's doing
 SLOT_MARGIN_NS = 100_000_000  # the tick before a slot
-ORDERED = ("~/change_state", "~/set_parameters")
 
 
 class HostileNodeTest(SystemTest):

@@ -118,8 +118,12 @@ class Fencing(Campaign):
     def _keep_started(self):
         try:
             self._start_what_is_missing()
-        except Exception as error:  # _disturb() raises it
+        except Exception as error:  # _check_starts() tells
             self._start_failed = error
+
+    def _check_starts(self):
+        if self._start_failed:
+            raise MissionError(f"nodes could not be started: {self._start_failed}")
 
     def _start_what_is_missing(self):
         """Starts missing nodes until the campaign ends. The deployment has no ring, so only the switcher's work is measured."""
@@ -202,8 +206,7 @@ class Fencing(Campaign):
             starter.join(UP_MOST_S + 10)
         self.machine = machine.end()
         self.waiting = waiting.end()
-        if self._start_failed:
-            raise MissionError(f"nodes could not be started: {self._start_failed}")
+        self._check_starts()
         self.executions.ask()
         self.lines = self.flight.can_log(until_ns=time.monotonic_ns(), deadline_s=5)
 
@@ -214,8 +217,7 @@ class Fencing(Campaign):
             self.signals.check()
             if self.flight.hw_sim.poll() is not None:
                 raise MissionError("the simulated spacecraft is gone")
-            if self._start_failed:
-                raise MissionError(f"nodes could not be started: {self._start_failed}")
+            self._check_starts()
             now = time.monotonic()
             if now - asked > 1:
                 asked = now

@@ -157,7 +157,11 @@ def was_late(late, begin, end):
     return any(a <= end and b >= begin for a, b in late)
 
 
-def executed_once(telecommands, executed, soak=False, late=(), why_late=None):
+def never_late(_payload, _begin, _end):
+    return None
+
+
+def executed_once(telecommands, executed, soak=False, late=(), why_late=never_late):
     """executed: {payload: [low 32 bits of ids, in order]} as the peripherals report it.
     soak: hours on a busy machine, where an answer may come too late three times in a row; otherwise every telecommand must be answered.
     late: [(begin, end)] of periods in which the machine, and with it the simulated peripherals, was late (python/srfs/flight/lateness.py);
@@ -182,7 +186,7 @@ def executed_once(telecommands, executed, soak=False, late=(), why_late=None):
         if t.accepted and not t.success and t.failure not in UNANSWERED | {INTERRUPTED} and not (t.failure is None and times == 1) and not (t.failure == EXPIRED and times == 0):
             missing.append(f"{name}: {'failure code ' + str(t.failure) if t.failure is not None else 'no end was reported'}, executed {times} times")
         if t.accepted and t.failure in UNANSWERED:
-            if was_late(late, t.heard, t.failed) or why_late and why_late(t.target, t.heard, t.failed):
+            if was_late(late, t.heard, t.failed) or why_late(t.target, t.heard, t.failed):
                 excused += 1
             else:
                 unanswered.append(f"{name}: failure code {t.failure}, executed {times} times")
@@ -196,7 +200,7 @@ def executed_once(telecommands, executed, soak=False, late=(), why_late=None):
     ]
 
 
-def told_to_the_ground(stages, soak=False, late=(), overloads=(), why_late=None):
+def told_to_the_ground(stages, soak=False, late=(), overloads=(), why_late=never_late):
     """Every telecommand sent has its end on the ground, and an accepted one fails only with a code that states what happened.
     In a soak, executed_once() judges how many remain unanswered. late: as in executed_once(). overloads: [(begin, end)] of overloads made
     by the campaign, in which a telecommand may expire before its node gets a CPU to accept it. why_late: as in executed_once()."""
@@ -206,13 +210,17 @@ def told_to_the_ground(stages, soak=False, late=(), overloads=(), why_late=None)
         last[m["line"]] = m
     for m in last.values():
         begin, end = first[m["line"]]["at_ns"], m["at_ns"]
-        is_excused = why_late is not None and why_late("payload_" + m["command"].split(".")[0], begin, end)
-        unanswered_is_said = soak or m["command"].endswith(".reset_peripheral") or was_late(late, begin, end) or is_excused
+        is_excused = why_late("payload_" + m["command"].split(".")[0], begin, end)
+        allowed = REFUSALS | {INTERRUPTED, EXPIRED}
+        if soak or m["command"].endswith(".reset_peripheral") or was_late(late, begin, end) or is_excused:
+            allowed |= UNANSWERED
+        if was_late(overloads, begin, end) or is_excused:
+            allowed |= {NOT_TAKEN}
+        if is_excused:
+            allowed |= {COMPLETION_UNKNOWN}
         if not m["final"]:
             wrong.append(f"{m['command']} (line {m['line']}): {m['stage']}, and no end")
-        elif not m["success"] and m["code"] not in (
-            REFUSALS | {INTERRUPTED, EXPIRED} | (UNANSWERED if unanswered_is_said else set()) | ({NOT_TAKEN} if was_late(overloads, begin, end) or is_excused else set()) | ({COMPLETION_UNKNOWN} if is_excused else set())
-        ):
+        elif not m["success"] and m["code"] not in allowed:
             wrong.append(f"{m['command']} (line {m['line']}): {m['stage']}, code {m['code']}")
     return check_none(wrong, "the ground is told the end of every telecommand", len(last))
 
@@ -289,9 +297,9 @@ def distribution(values):
 # --- all of it ----------------------------------------------------------------------------------------------------------
 
 
-def judge(lines, messages, executed, faults, bound_ns, late=(), why_late=None):
+def judge(lines, messages, executed, faults, bound_ns, late=(), why_late=never_late):
     grants = grants_of(messages)
-    # The bus was in use before the observer received flags; with the first flag it knows the switcher, and so whom each slot belongs to.
+    # The bus was in use before the observer received flags: its record of earlier slots may lack some.
     flags = {(m["switcher"], m["grant"]) for m in messages if m["type"] == "flags" and m["holder"]}
     begin = next((grant.published for grant in grants if grant.id in flags), 0)
     frames = [frame for frame in computer_frames(lines) if frame.at >= begin]
