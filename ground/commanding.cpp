@@ -59,9 +59,16 @@ std::string_view to_text(const StageReport& report) {
 
 StageReport Commanding::sent(const wire::RequestId& request, const mission::Command& command,
                              milliseconds patience, std::uint64_t tag, MonotonicTime now) {
-  if (outstanding_.size() == max_outstanding) outstanding_.pop_front();
+  make_room();
   outstanding_.push_back({request, &command, tag, now, patience, now + patience});
   return report_of(outstanding_.back(), Outcome::sent, now);
+}
+
+void Commanding::make_room() {
+  if (outstanding_.size() < max_outstanding) return;
+  const auto late =
+      std::find_if(outstanding_.begin(), outstanding_.end(), [](const auto& t) { return t.timed_out; });
+  outstanding_.erase(late == outstanding_.end() ? outstanding_.begin() : late);
 }
 
 void Commanding::follow_scheduled(const wire::RequestId& request, const mission::Command& command,
@@ -83,8 +90,8 @@ std::optional<StageReport> Commanding::on_inserted(const wire::RequestId& reques
 }
 
 std::size_t Commanding::outstanding() const {
-  return static_cast<std::size_t>(
-      std::count_if(outstanding_.begin(), outstanding_.end(), [](const auto& t) { return !t.scheduled; }));
+  return static_cast<std::size_t>(std::count_if(outstanding_.begin(), outstanding_.end(),
+                                                [](const auto& t) { return !t.scheduled && !t.timed_out; }));
 }
 
 std::optional<StageReport> Commanding::on_packet(const wire::TmPacket& packet, MonotonicTime now) {
@@ -121,18 +128,20 @@ void Commanding::extend(const wire::RequestId& request, MonotonicTime now) {
 
 std::vector<StageReport> Commanding::on_time(MonotonicTime now) {
   std::vector<StageReport> reports;
-  for (const auto& telecommand : outstanding_) {
-    if (telecommand.deadline <= now) reports.push_back(report_of(telecommand, Outcome::timed_out, now));
+  for (auto& telecommand : outstanding_) {
+    if (telecommand.timed_out || telecommand.deadline > now) continue;
+    reports.push_back(report_of(telecommand, Outcome::timed_out, now));
+    telecommand.timed_out = true;
   }
-  std::erase_if(outstanding_, [&](const auto& t) { return t.deadline <= now; });
   return reports;
 }
 
 std::optional<MonotonicTime> Commanding::next_deadline() const {
-  if (outstanding_.empty()) return std::nullopt;
-  return std::min_element(outstanding_.begin(), outstanding_.end(),
-                          [](const auto& a, const auto& b) { return a.deadline < b.deadline; })
-      ->deadline;
+  std::optional<MonotonicTime> next;
+  for (const auto& telecommand : outstanding_) {
+    if (!telecommand.timed_out && (!next || telecommand.deadline < *next)) next = telecommand.deadline;
+  }
+  return next;
 }
 
 StageReport Commanding::report_of(const Outstanding& telecommand, Outcome outcome, MonotonicTime now) const {
@@ -142,6 +151,7 @@ StageReport Commanding::report_of(const Outstanding& telecommand, Outcome outcom
   report.tag = telecommand.tag;
   report.outcome = outcome;
   report.elapsed = now - telecommand.sent;
+  report.late = telecommand.timed_out;
   if (outcome == Outcome::timed_out)
     report.failure_text = fmt::format("no final report within {} ms", report.elapsed / milliseconds(1));
   return report;

@@ -52,6 +52,7 @@ struct StageReport {
   std::string failure_text;  ///< with the parameter: "an argument is out of its range: argument 1 'load'"
   std::int64_t archive_id = 0;  ///< of the packet that reports it, as ReceivedPacket
   std::string who = {};         ///< of another user's telecommand; empty: of this one
+  bool late = false;            ///< came after it was said to be timed_out
 
   /// The telecommand, or a step of it, did not succeed.
   [[nodiscard]] bool is_failure() const {
@@ -59,7 +60,7 @@ struct StageReport {
            outcome == Outcome::unknown;
   }
   [[nodiscard]] bool is_completed() const { return outcome == Outcome::passed && stage == Stage::completion; }
-  /// No more reports come.
+  /// No more reports are waited for. After timed_out one may still come, which is late then.
   [[nodiscard]] bool is_final() const {
     return is_completed() || (is_failure() && !(outcome == Outcome::failed && stage == Stage::progress));
   }
@@ -68,7 +69,7 @@ struct StageReport {
 [[nodiscard]] std::string_view to_text(const StageReport& report);
 
 /// Follows telecommands from sending to completion by their verification reports. Pure; at most
-/// max_outstanding, the oldest is given up for a new one.
+/// max_outstanding, for a new one the oldest is given up, those that timed out before others.
 class Commanding {
  public:
   static constexpr std::size_t max_outstanding = 256;
@@ -89,7 +90,8 @@ class Commanding {
   /// There is news of a telecommand that takes long: its patience begins anew.
   void extend(std::uint64_t tag, MonotonicTime now);
   void extend(const wire::RequestId& request, MonotonicTime now);
-  /// The telecommands whose time is over.
+  /// The telecommands whose time is over. They are followed on: a spacecraft without a CPU tells their end
+  /// later.
   [[nodiscard]] std::vector<StageReport> on_time(MonotonicTime now);
 
   [[nodiscard]] std::size_t outstanding() const;
@@ -104,10 +106,12 @@ class Commanding {
     milliseconds patience;
     MonotonicTime deadline;
     bool scheduled = false;
+    bool timed_out = false;
   };
   [[nodiscard]] StageReport report_of(const Outstanding& telecommand, Outcome outcome,
                                       MonotonicTime now) const;
   void read_failure(OctetReader& in, StageReport& report) const;
+  void make_room();
 
   const mission::Dictionary& dictionary_;
   std::deque<Outstanding> outstanding_;

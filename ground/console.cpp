@@ -597,10 +597,11 @@ void Console::show(const TelemetryReport& report) {
 }
 
 void Console::on_stage(const StageReport& report) {
-  // How the insertion goes on is the time-tagged telecommand's news only when it fails.
-  const bool news = !report.insertion || report.is_failure();
+  // How the insertion goes on is the time-tagged telecommand's news only when it fails. What is late is of
+  // one that nobody waits for any more.
+  const bool news = !report.late && (!report.insertion || report.is_failure());
   if (news) last_stage_ = report;
-  if (step_ != nullptr && report.tag == step_->line && !step_judgement_)
+  if (step_ != nullptr && report.tag == step_->line && !step_judgement_ && !report.late)
     step_judgement_ = judge(*step_, report);
   // Later reports prove the acceptance whose own was lost.
   accepted_ =

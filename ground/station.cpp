@@ -47,7 +47,8 @@ void Station::on_telecommand_of_other(const SeenTelecommand& seen, MonotonicTime
 void Station::tell_stage_of_other(StageReport report) {
   const auto whose = whose_.find(report.request);
   report.who = whose == whose_.end() ? "?" : whose->second;
-  if (whose != whose_.end() && report.is_final()) whose_.erase(whose);
+  const bool ended = report.is_final() && report.outcome != Outcome::timed_out;
+  if (whose != whose_.end() && ended) whose_.erase(whose);
   output_.stage_of_other(report);
 }
 
@@ -91,10 +92,9 @@ void Station::follow(const wire::RequestId& insertion, const std::optional<Sched
 
 void Station::on_insertion(const StageReport& report, MonotonicTime now) {
   const wire::RequestId telecommand = insertions_.at(report.request);
-  if (!report.is_final()) return;
+  if (!report.is_final() || report.outcome == Outcome::timed_out) return;
   insertions_.erase(report.request);
-  const bool may_be_there = report.outcome == Outcome::timed_out || report.outcome == Outcome::unknown;
-  if (may_be_there) return;
+  if (report.outcome == Outcome::unknown) return;  // it may be there
   const auto inserted = commanding_.on_inserted(telecommand, report.is_completed(), now);
   if (inserted && output_.stage) output_.stage(*inserted);
 }
@@ -110,8 +110,8 @@ Result<wire::RequestId, OrderError> Station::dispatch(const mission::EncodedComm
   if (retrieves && retrievals_.size() == max_retrievals)
     return refused("too many retrievals are in progress");
   const milliseconds wait = patience.value_or(encoded.command->timeout + report_margin);
-  if (encoded.command->name == mission::TtcSelectKeys::name &&
-      asked_keys_.size() < Commanding::max_outstanding) {
+  if (encoded.command->name == mission::TtcSelectKeys::name) {
+    if (asked_keys_.size() == Commanding::max_outstanding) asked_keys_.erase(asked_keys_.begin());
     const auto select = mission::TtcSelectKeys::decode(OctetView(encoded.data).subspan(2));
     if (select && select->vc == link_->vc())
       asked_keys_[tag] =
@@ -227,7 +227,8 @@ void Station::on_stage(const StageReport& stage, MonotonicTime now) {
   if (output_.stage) output_.stage(report);
   if (report.insertion) on_insertion(report, now);
   for (auto& retrieval : retrievals_) retrieval.on_stage(report, now);
-  if (const auto asked = asked_keys_.find(report.tag); asked != asked_keys_.end() && report.is_final()) {
+  const bool ended = report.is_final() && report.outcome != Outcome::timed_out;
+  if (const auto asked = asked_keys_.find(report.tag); ended && asked != asked_keys_.end()) {
     // Even if it could not be stored, it holds until the spacecraft's next restart; the beacon shows it.
     if (report.is_completed()) {
       const auto selected = link_->select_keys(asked->second, "ttc.select_keys");

@@ -243,6 +243,7 @@ nlohmann::json to_json(const StageReport& report) {
                       {"final", report.is_final()},
                       {"elapsed_ms", static_cast<double>(report.elapsed / microseconds(1)) / 1000.0}};
   if (report.insertion) json["insertion"] = true;
+  if (report.late) json["late"] = true;
   if (report.stage == Stage::progress) json["step"] = report.step;
   if (report.is_failure()) {
     json["code"] = report.failure_code;
@@ -316,6 +317,7 @@ std::string to_lines(const StageReport& report, bool colour) {
   std::string line = fmt::format("{:>9.3f} s  {} {} {}", static_cast<double>(report.elapsed.count()) * 1e-9,
                                  request_text(report.request), report.command->name, to_text(report));
   if (report.stage == Stage::progress) line += fmt::format(" step {}", report.step);
+  if (report.late) line += " (late)";
   if (report.is_failure()) {
     if (report.outcome == Outcome::failed)
       line += fmt::format(": code {} {}", report.failure_code, report.failure_name);

@@ -30,7 +30,7 @@ std::vector<StoredGap> GapFiller::to_try(std::vector<StoredGap> open, UtcTime no
 }
 
 void GapFiller::take(const StageReport& report, MonotonicTime now) {
-  if (retrieval_) retrieval_->on_stage(report, now);
+  if (retrieval_ && !report.late) retrieval_->on_stage(report, now);  // of one that was given up: same tag
 }
 
 void GapFiller::on_packet(const ReceivedPacket& received, MonotonicTime now) {

@@ -95,7 +95,33 @@ TEST_F(CommandingTest, GivesUpAfterItsPatience) {
   ASSERT_EQ(late.size(), 1U);
   EXPECT_EQ(to_text(late[0]), "timed_out");
   EXPECT_EQ(late[0].failure_text, "no final report within 10000 ms");
-  EXPECT_FALSE(commanding.on_packet(report(7), start + seconds(11)));
+  EXPECT_EQ(commanding.outstanding(), 0U);
+  EXPECT_EQ(commanding.next_deadline(), std::nullopt);
+  EXPECT_TRUE(commanding.on_time(start + seconds(11)).empty()) << "it is said once";
+}
+
+TEST_F(CommandingTest, TellsAnEndThatComesAfterItsPatience) {
+  EXPECT_FALSE(commanding.on_packet(report(1), start)->late);
+  ASSERT_EQ(commanding.on_time(start + seconds(10)).size(), 1U);
+  EXPECT_TRUE(commanding.on_packet(report(3), start + seconds(30))->late);
+  const auto completed = commanding.on_packet(report(7), start + seconds(50));
+  ASSERT_TRUE(completed);
+  EXPECT_TRUE(completed->late);
+  EXPECT_TRUE(completed->is_completed());
+  EXPECT_EQ(completed->tag, 7U);
+  EXPECT_EQ(completed->elapsed, seconds(50));
+  EXPECT_FALSE(commanding.on_packet(report(7), start + seconds(51))) << "it has ended";
+}
+
+TEST_F(CommandingTest, GivesUpOneThatTimedOutBeforeOneThatIsWaitedFor) {
+  const auto& command = *dictionary().command("eps.switch_load");
+  static_cast<void>(commanding.sent({0x1811, 1}, command, seconds(1), 8, start));
+  ASSERT_EQ(commanding.on_time(start + seconds(1)).size(), 1U);
+  for (std::uint16_t i = 2; i <= Commanding::max_outstanding; ++i)
+    static_cast<void>(commanding.sent({0x1811, i}, command, seconds(100), i, start));
+  EXPECT_EQ(commanding.outstanding(), Commanding::max_outstanding) << "the first one is among them";
+  EXPECT_FALSE(commanding.on_packet(report(7, "", "18110001"), start + seconds(2)));
+  EXPECT_TRUE(commanding.on_packet(report(7), start + seconds(2)));
 }
 
 TEST_F(CommandingTest, WaitsAnewWhenThereIsNews) {

@@ -312,6 +312,8 @@ export class Model {
       stage.stage === "progress" ? `progress ${stage.step ?? ""}` : stage.text ? `${stage.stage}: ${stage.text}` : stage.stage;
     if (stage.token) command.token = stage.token;
     command.final = command.final || Boolean(stage.final);
+    if (stage.stage === "timed_out") command.timed_out = true;
+    else if (command.timed_out && stage.final) command.failed = false; // its end came late
     command.failed = command.failed || stage.success === false;
     if (stage.stage === "scheduled") command.scheduled = true;
     this.#call("stage", stage, command);
