@@ -619,8 +619,16 @@ HttpResponse Api::post_acknowledge(const std::string& id, const std::string& bod
 }
 
 bool Api::replay(Transport& transport, std::int64_t& last) {
+  if (!gateway_.has_archive()) return true;
+  const auto told_that_some_is_missing = [&](const std::string& why) {
+    const nlohmann::json note{
+        {"type", "note"},
+        {"problem", true},
+        {"message", fmt::format("the archive cannot be read: {}; what came before now is not shown", why)}};
+    return write_in_parts(transport, *stream_item(0, note).text);
+  };
   const auto archive = open();
-  if (!archive) return true;  // nothing to replay: a server without one
+  if (!archive) return told_that_some_is_missing(archive.error());
   if (const auto newest = (*archive)->newest_packet()) last = std::min(last, *newest);
   for (bool more = true; more;) {
     std::string text;
@@ -632,7 +640,7 @@ bool Api::replay(Transport& transport, std::int64_t& last) {
       packets.push_back(stored);
       return true;
     });
-    if (!read) return false;
+    if (!read) return told_that_some_is_missing(read.error());
     for (const StoredPacket& stored : packets) {
       nlohmann::json json = archived_json(stored, **archive, dictionary_);
       json["received"] = to_iso8601(stored.received);  // what is replayed is no news

@@ -49,6 +49,7 @@ Result<std::unique_ptr<Gateway>, std::string> Gateway::open(const mission::Dicti
   auto link = std::make_unique<ServedLink>(std::move(**server), true);
   gateway->link_ = link.get();
   gateway->line_open_ = link->line_was_open();
+  gateway->has_archive_ = link->has_archive();
   gateway->station_ = std::make_unique<Station>(dictionary, std::move(link), gateway->output());
   Octets random(8);
   if (!fill_random(random)) return Err(std::string("no random octets"));
@@ -138,14 +139,15 @@ void Gateway::on_stage(const StageReport& report) {
   if (const auto arming = armings_.find(report.tag); arming != armings_.end()) {
     json["arms"] = arming->second.order.name;
     json["token"] = arming->second.token;
-    if (report.is_final()) arming->second.succeeded = report.is_completed();
+    if (report.is_final() && !report.late) arming->second.succeeded = report.is_completed();
   }
   {
     const std::lock_guard lock(snapshot_mutex_);
     snapshot_.newest_id = std::max(snapshot_.newest_id, report.archive_id);
   }
   publish(json, report.archive_id);
-  if (report.is_final() && !report.insertion && token != followed_.end()) followed_.erase(token);
+  const bool ended = report.is_final() && report.outcome != Outcome::timed_out && !report.insertion;
+  if (ended && token != followed_.end()) followed_.erase(token);
 }
 
 void Gateway::set_line(bool open, const std::string& why) {
@@ -159,7 +161,8 @@ void Gateway::set_line(bool open, const std::string& why) {
 void Gateway::tell_state(MonotonicTime now) {
   if (now < next_state_) return;
   next_state_ = now + state_period;
-  records_telecommands_ = link_->has_archive() && link_->archive_problem().empty();
+  has_archive_ = link_->has_archive();
+  records_telecommands_ = has_archive_ && link_->archive_problem().empty();
   nlohmann::json stats = to_json(link_->counters());
   nlohmann::json transfers{{"type", "transfers"}, {"transfers", nlohmann::json::array()}};
   for (const auto& report : link_->transfers()) transfers["transfers"].push_back(to_json(report));

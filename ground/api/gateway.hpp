@@ -64,6 +64,7 @@ class Gateway {
   [[nodiscard]] StreamHub& stream() { return stream_; }
   /// Whether the server's archive knows each telecommand that was sent.
   [[nodiscard]] bool records_telecommands() const { return records_telecommands_; }
+  [[nodiscard]] bool has_archive() const { return has_archive_; }
 
   // For Work alone.
   [[nodiscard]] HttpResponse send(const TelecommandRequest& order);
@@ -120,6 +121,7 @@ class Gateway {
   std::string told_transfers_;
   bool line_open_ = false;
   std::atomic<bool> records_telecommands_{false};
+  std::atomic<bool> has_archive_{false};
 };
 
 /// The answer to an order without a result. @param refused  status when nothing was done

@@ -23,7 +23,7 @@ namespace {
 constexpr int backlog = 64;
 constexpr int send_buffer_octets = 32'768;  ///< so that a reader that stalls is noticed
 constexpr milliseconds exhausted_pause{100};
-constexpr seconds place_patience{2};
+constexpr seconds place_patience{10};
 
 /// What a refused request still sends is taken and dropped: a connection that is closed before loses the
 /// answer.
@@ -155,16 +155,18 @@ void HttpServer::accept_all() {
   }
 }
 
-/// @param lock  of mutex_. The connection that gives way ends by itself, which takes the newcomer a moment.
+/// @param lock  of mutex_. Waits only when threads_max are there, most of which are about to end.
 bool HttpServer::make_place(std::unique_lock<std::mutex>& lock) {
-  if (connections_.size() < connections_max) return true;
-  for (auto& [number, connection] : connections_) {
-    if (connection.known) continue;
-    connection.known = true;  // once
-    static_cast<void>(::shutdown(connection.socket, SHUT_RDWR));
-    return ended_.wait_for(lock, place_patience, [this] { return connections_.size() < connections_max; });
+  const auto leaving =
+      std::count_if(connections_.begin(), connections_.end(), [](const auto& c) { return c.second.leaves; });
+  if (connections_.size() - static_cast<std::size_t>(leaving) >= connections_max) {
+    const auto stranger = std::find_if(connections_.begin(), connections_.end(),
+                                       [](const auto& c) { return !c.second.known && !c.second.leaves; });
+    if (stranger == connections_.end()) return false;
+    stranger->second.leaves = true;
+    static_cast<void>(::shutdown(stranger->second.socket, SHUT_RDWR));
   }
-  return false;
+  return ended_.wait_for(lock, place_patience, [this] { return connections_.size() < threads_max; });
 }
 
 void HttpServer::take(Fd socket) {

@@ -53,12 +53,14 @@ struct Address {
 /// The error is ready to print.
 [[nodiscard]] Result<Address, std::string> parse_address(const std::string& text);
 
-/// Listens, and serves each connection by a thread of its own. Bounds: connections_max, deadlines for
-/// whatever comes and goes, the sizes of RequestReader. When all places are taken, the oldest connection
-/// without a token gives way; without any such, the new one is refused.
+/// Listens, and serves each connection by a thread of its own. Bounds: connections_max and threads_max,
+/// deadlines for whatever comes and goes, the sizes of RequestReader. When all places are taken, the oldest
+/// connection without a token gives way at once, though its thread needs a CPU to end; without any such, the
+/// new one is refused.
 class HttpServer {
  public:
   static constexpr std::size_t connections_max = 96;
+  static constexpr std::size_t threads_max = 160;             ///< with those of connections that gave way
   static constexpr seconds head_patience{15};                 ///< for a whole head, and between requests
   static constexpr seconds write_patience{10};                ///< without progress of a stream
   static constexpr std::size_t octets_a_second_min = 50'000;  ///< of long bodies
@@ -80,6 +82,7 @@ class HttpServer {
   struct Connection {
     int socket = -1;
     bool known = false;
+    bool leaves = false;  ///< it gave way
   };
   HttpServer(Fd listener, Fd stop, std::uint16_t port, std::shared_ptr<const TlsSettings> tls)
       : listener_(std::move(listener)), stop_(std::move(stop)), port_(port), tls_(std::move(tls)) {}

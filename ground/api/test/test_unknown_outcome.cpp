@@ -16,13 +16,30 @@
 namespace srfs::ground::api {
 namespace {
 
-/// The API over a server without an archive, which takes each order and ends before it answers.
+/// Takes the head of a response and what follows, then the connection breaks.
+class BrokenAfterOneItem : public Transport {
+ public:
+  bool open(MonotonicTime) override { return true; }
+  bool read(std::string&, MonotonicTime) override { return false; }
+  bool write(std::string_view octets, MonotonicTime) override {
+    written += octets;
+    return ++writes_ == 1;
+  }
+  [[nodiscard]] bool has_gone() const override { return writes_ > 1; }
+  std::string written;
+
+ private:
+  int writes_ = 0;
+};
+
+/// The API over a server that takes each order and ends before it answers; without an archive unless said.
 class ApiOverAServerThatEnds : public ::testing::Test {
  protected:
   void SetUp() override {
     server_.emplace(folder_.path() / serve::socket_name,
                     [this](int, const nlohmann::json& message) -> std::optional<Messages> {
-                      if (message["type"] == "hello") return Messages{welcome(AdPhase::off, {}, 0, false)};
+                      if (message["type"] == "hello")
+                        return Messages{welcome(AdPhase::off, {}, 0, has_archive())};
                       ++taken_;
                       if (!ends_) return Messages{reply_to(message, {{"error", "the line is closed"}})};
                       return std::nullopt;
@@ -41,6 +58,7 @@ class ApiOverAServerThatEnds : public ::testing::Test {
     EXPECT_EQ(::write(stop_.get(), &one, sizeof one), static_cast<ssize_t>(sizeof one));
     if (running_.joinable()) running_.join();
   }
+  [[nodiscard]] virtual bool has_archive() const { return false; }
   HttpResponse post(const std::string& path, const std::string& body, const std::string& key) {
     const auto target = parse_target("/api/v1/" + path);
     HttpRequest request;
@@ -97,6 +115,26 @@ TEST_F(ApiOverAServerThatEnds, OrderThatWasRefusedMayBeTriedAgain) {
   EXPECT_FALSE(nlohmann::json::parse(first.body).contains("outcome"));
   EXPECT_EQ(second.status, 409);
   EXPECT_EQ(taken_, 2);
+}
+
+class ApiOverADamagedArchive : public ApiOverAServerThatEnds {
+ protected:
+  void SetUp() override {
+    std::ofstream(folder_.path() / archive_name) << std::string(8192, 'x');
+    ApiOverAServerThatEnds::SetUp();
+  }
+  [[nodiscard]] bool has_archive() const override { return true; }
+};
+
+TEST_F(ApiOverADamagedArchive, StreamSaysThatWhatCameBeforeIsMissing) {
+  HttpRequest request;
+  request.method = "GET";
+  request.target = *parse_target("/api/v1/stream?after=7");
+  BrokenAfterOneItem transport;
+  EXPECT_TRUE(api_->stream(request, transport));
+  EXPECT_NE(transport.written.find("event: note\ndata: {\"message\":\"the archive cannot be read: "),
+            std::string::npos)
+      << transport.written;
 }
 
 }  // namespace
