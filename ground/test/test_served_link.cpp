@@ -14,6 +14,7 @@
 #include "ground/direct_link.hpp"
 #include "ground/files.hpp"
 #include "ground/local_socket.hpp"
+#include "tests/mission_dictionary.hpp"
 
 namespace srfs::ground {
 namespace {
@@ -295,7 +296,7 @@ TEST_F(Served, OrderThatReliesOnItsRecordIsNotSentWithoutOne) {
 
 TEST(DirectLink, ForgetsATelecommandThatWasPerhapsRecordedAndIsNotSent) {
   const VarFolder var;
-  const auto dictionary = mission::Dictionary::load(std::string(SRFS_SOURCE_DIR) + "/mission");
+  const auto& dictionary = testing_support::dictionary();
   auto uplink = Uplink::open(secured_link(), var.path(), var.path() / "ground", system_utc_now());
   ASSERT_TRUE(uplink) << uplink.error();
   DirectLink link(dictionary, secured_link(), Port::closed(var.path() / "rs422"), std::move(*uplink));

@@ -11,6 +11,7 @@
 
 #include "ground/api/api.hpp"
 #include "ground/test/fake_server.hpp"
+#include "tests/mission_dictionary.hpp"
 #include "tests/temporary_folder.hpp"
 
 namespace srfs::ground::api {
@@ -70,7 +71,7 @@ class ApiOverAServerThatEnds : public ::testing::Test {
   }
 
   testing_support::TemporaryFolder folder_;
-  mission::Dictionary dictionary_ = mission::Dictionary::load(mission::Dictionary::default_folder());
+  const mission::Dictionary& dictionary_ = testing_support::dictionary();
   std::atomic<int> taken_{0};
   std::atomic<bool> ends_{true};
   Fd stop_{::eventfd(0, EFD_CLOEXEC)};

@@ -11,6 +11,7 @@
 
 #include "image/method.hpp"
 #include "lib/image/test/skies.hpp"
+#include "tests/build_kind.hpp"
 
 namespace srfs::image {
 namespace {
@@ -97,10 +98,11 @@ TEST(KnownStars, ExplainARowOfThemAndNoStreakThatPassesOverThem) {
   const KnownStars known = sky.known();
   FrameFindings findings;
   const CleanFrame empty = clean_frame(frame_of(sky.scene, sky.stars), findings);
+  constexpr int enough = testing_support::slow ? 4 : 12;
   int rows = 0;
   int passes = 0;
-  for (std::size_t i = 0; i < sky.stars.size() && rows < 12; ++i) {
-    for (std::size_t k = i + 1; k < sky.stars.size() && rows < 12; ++k) {
+  for (std::size_t i = 0; i < sky.stars.size() && rows < enough; ++i) {
+    for (std::size_t k = i + 1; k < sky.stars.size() && rows < enough; ++k) {
       const SkyStar& a = sky.stars[i];
       const SkyStar& b = sky.stars[k];
       const double length = std::hypot(a.x - b.x, a.y - b.y);
@@ -125,7 +127,7 @@ TEST(KnownStars, ExplainARowOfThemAndNoStreakThatPassesOverThem) {
       passes += !known.explain(both, passed);
     }
   }
-  EXPECT_EQ(rows, 12);
+  EXPECT_EQ(rows, enough);
   EXPECT_GE(passes, rows - 1);
 }
 
@@ -157,9 +159,10 @@ bool has_streak(const std::vector<Streak>& found, const SkyStreak& t) {
 }
 
 TEST(KnownStars, LoseNoStreakInTheDensestFields) {
+  constexpr int skies = testing_support::slow ? 2 : 10;
   int found = 0;
   int solved = 0;
-  for (std::uint64_t seed = 1; seed <= 10; ++seed) {
+  for (std::uint64_t seed = 1; seed <= skies; ++seed) {
     const MilkyWay sky(seed);
     SkyRandom random(100 + seed);
     std::vector<SkyStreak> streaks;
@@ -183,8 +186,8 @@ TEST(KnownStars, LoseNoStreakInTheDensestFields) {
           << "seed " << seed << ": " << t.x1 << ' ' << t.y1 << ' ' << t.x2 << ' ' << t.y2;
     }
   }
-  EXPECT_GE(solved, 8);
-  EXPECT_GT(found, 20);
+  EXPECT_GE(solved, skies * 8 / 10);
+  EXPECT_GT(found, 2 * skies);
 }
 
 }  // namespace

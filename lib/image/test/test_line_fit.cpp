@@ -7,6 +7,7 @@
 
 #include <gtest/gtest.h>
 
+#include "tests/build_kind.hpp"
 #include "tests/sky/sky_frame.hpp"
 
 namespace srfs::image {
@@ -165,7 +166,7 @@ TEST_F(LineInNoise, CollectsEveryPixelNearALineOnceButTheHiddenOnes) {
   for (auto& hidden : mask_.cells()) hidden = random() % 20 == 0;
   for (auto& v : plane_.cells()) v = static_cast<float>(random() % 10000);
   LineFitter fitter = this->fitter();
-  for (int k = 0; k < 60; ++k) {
+  for (int k = 0; k < (testing_support::slow ? 20 : 60); ++k) {
     Line line{place(random), place(random), place(random), place(random)};
     if (k % 5 == 0) line.y2 = line.y1;
     if (k % 7 == 0) line.x2 = line.x1;

@@ -11,6 +11,7 @@
 #include <gtest/gtest.h>
 #include <Eigen/Dense>
 
+#include "tests/build_kind.hpp"
 #include "tests/sky/sky_frame.hpp"
 
 namespace srfs::image {
@@ -152,7 +153,8 @@ TEST(PlateSolver, SolvesAnyFieldOfViewBehindALensWithDistortion) {
   SkyRandom random(60);
   int solved = 0;
   int looked = 0;
-  for (int k = 0; k < 40; ++k) {
+  constexpr int frames = testing_support::slow ? 10 : 40;
+  for (int k = 0; k < frames; ++k) {
     View view{random.uniform(0, 360), std::asin(random.uniform(-1, 1)) / rad_per_deg, random.uniform(0, 360),
               2 * std::pow(30, random.uniform()), k % 3 == 0};
     view.distortion = random.uniform(-0.05, 0.05);
@@ -171,7 +173,7 @@ TEST(PlateSolver, SolvesAnyFieldOfViewBehindALensWithDistortion) {
     EXPECT_LT(a.rms_px, 0.3) << view.field_deg;
     EXPECT_NEAR(a.lens.k1 + a.lens.k2, -view.distortion, 0.012) << view.field_deg;
   }
-  EXPECT_GT(looked, 30);
+  EXPECT_GT(looked, frames * 3 / 4);
   EXPECT_GE(solved, looked * 97 / 100);
 }
 
@@ -205,14 +207,15 @@ TEST(PlateSolver, SolvesFieldsAtThePolesAndAcrossZeroHours) {
 TEST(PlateSolver, SaysNothingOfStarsThatAreNoSky) {
   SkyRandom random(99);
   const View view{};
-  for (int k = 0; k < 20; ++k)
+  for (int k = 0; k < (testing_support::slow ? 5 : 20); ++k)
     EXPECT_FALSE(solver().solve(view.anywhere(random, 15 + 12 * k), view.width, view.height, {})) << k;
 }
 
 TEST(PlateSolver, SaysNothingOfManyPlacesInACoarseWideFrame) {
   // A place of a few pixels has a star of the catalogue nearly everywhere.
   SkyRandom random(19);
-  for (const int width : {160, 200, 240, 320}) {
+  const std::vector<int> widths = testing_support::slow ? std::vector{160} : std::vector{160, 200, 240, 320};
+  for (const int width : widths) {
     View view{0, 0, 0, 60};
     view.width = width;
     view.height = width * 9 / 16;

@@ -10,6 +10,7 @@
 
 #include "image/method.hpp"
 #include "lib/image/test/skies.hpp"
+#include "tests/build_kind.hpp"
 
 namespace srfs::image {
 namespace {
@@ -86,7 +87,8 @@ TEST(SyntheticTracking, FindsWhatIsTooFaintForOneFrame) {
   int found = 0;
   int found_without = 0;
   int others = 0;
-  for (std::uint64_t seed = 1; seed <= 5; ++seed) {
+  constexpr int skies = testing_support::slow ? 1 : 5;
+  for (std::uint64_t seed = 1; seed <= skies; ++seed) {
     DriftingSky sky(seed);
     SkyRandom random(seed);
     for (int i = 0; i < 3; ++i) {
@@ -104,16 +106,16 @@ TEST(SyntheticTracking, FindsWhatIsTooFaintForOneFrame) {
     found += real;
     others += static_cast<int>(all.tracklets.size()) - real;
   }
-  EXPECT_GE(found, 12) << "of 15";
+  EXPECT_GE(found, skies * 12 / 5) << "of " << 3 * skies;
   EXPECT_LE(others, 1);
-  EXPECT_LE(found_without, 9) << "they are not faint";
+  EXPECT_LE(found_without, skies * 9 / 5) << "they are not faint";
 }
 
 /// Linking wants the object in every frame: what is found is found by the sum of light.
 const std::vector<std::string> by_light_alone{"faint=1", "hits=12"};
 
 TEST(SyntheticTracking, FindsNothingWhereNothingMovesNorWhereNothingMovesEvenly) {
-  for (std::uint64_t seed = 11; seed <= 13; ++seed) {
+  for (std::uint64_t seed = 11; seed <= (testing_support::slow ? 11 : 13); ++seed) {
     DriftingSky sky(seed);
     EXPECT_TRUE(sky.found(by_light_alone).tracklets.empty());
     sky.objects.push_back({60, 60, 14, 7, 3.6});

@@ -21,6 +21,7 @@
 #include "nodes/ttc/services/time_reporter.hpp"
 #include "nodes/ttc/store/packet_retrieval.hpp"
 #include "nodes/ttc/store/store_control.hpp"
+#include "tests/mission_dictionary.hpp"
 
 namespace srfs {
 
@@ -31,7 +32,7 @@ class RouterWithParts : public testing::Test {
     schedule_.set_request_check([this](OctetView packet) { return router_.check_scheduled(packet); });
   }
 
-  mission::Dictionary dictionary_ = mission::Dictionary::load(std::string(SRFS_SOURCE_DIR) + "/mission");
+  const mission::Dictionary& dictionary_ = testing_support::dictionary();
   ReportQueue report_queue_;
   AcceptanceJournal journal_{"boot", seconds(60)};
   ModeManager mode_{StoredModeState::first_start, "", MissionMode::nominal};

@@ -1,6 +1,7 @@
 // SPDX-FileCopyrightText: 2026 SRFS contributors
 // SPDX-License-Identifier: Apache-2.0
 #include "nodes/ttc/report/beacon_builder.hpp"
+#include "tests/mission_dictionary.hpp"
 
 #include <cmath>
 
@@ -20,7 +21,7 @@ class Beacon : public testing::Test {
     EXPECT_TRUE(beacon);
     return beacon.value_or(mission::Beacon{});
   }
-  mission::Dictionary dictionary_ = mission::Dictionary::load(std::string(SRFS_SOURCE_DIR) + "/mission");
+  const mission::Dictionary& dictionary_ = testing_support::dictionary();
   BeaconBuilder builder_{dictionary_};
   BeaconInputs inputs_;
 };

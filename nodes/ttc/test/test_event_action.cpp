@@ -13,6 +13,7 @@
 #include "base/crc32c.hpp"
 #include "nodes/ttc/test/router_with_parts.hpp"
 #include "nodes/ttc/ttc_core.hpp"
+#include "tests/mission_dictionary.hpp"
 #include "wire/tc_uplink.hpp"
 
 namespace srfs {
@@ -429,7 +430,7 @@ class ActionsInTtc : public testing::Test {
   static bool has(const std::vector<std::uint16_t>& events, std::uint16_t id) {
     return std::find(events.begin(), events.end(), id) != events.end();
   }
-  mission::Dictionary dictionary_ = mission::Dictionary::load(std::string(SRFS_SOURCE_DIR) + "/mission");
+  const mission::Dictionary& dictionary_ = testing_support::dictionary();
   MonotonicTime now_{seconds(100)};
   std::optional<TtcCore> core_;
   mission::PayloadEpsHousekeeping sample_;

@@ -1,6 +1,7 @@
 // SPDX-FileCopyrightText: 2026 SRFS contributors
 // SPDX-License-Identifier: Apache-2.0
 #include "nodes/ttc/files/file_service.hpp"
+#include "tests/mission_dictionary.hpp"
 
 #include <gmock/gmock.h>
 
@@ -52,8 +53,7 @@ class FileServiceTest : public testing::Test {
     service_.on_outcome(outcome, now);
   }
 
-  const mission::Dictionary dictionary_ =
-      mission::Dictionary::load(std::string(SRFS_SOURCE_DIR) + "/mission");
+  const mission::Dictionary& dictionary_ = testing_support::dictionary();
   ReportQueue report_queue_;
   FileService service_{report_queue_, mission::apid::ttc};
   std::uint16_t number_ = 0;

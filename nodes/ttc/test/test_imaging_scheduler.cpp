@@ -9,6 +9,7 @@
 #include <gmock/gmock.h>
 
 #include "tests/build_kind.hpp"
+#include "tests/mission_dictionary.hpp"
 
 namespace srfs {
 namespace {
@@ -92,8 +93,7 @@ class ImagingSchedulerTest : public testing::Test {
   static ImageGoalEnd products() { return {.files = {"products/0000000005/findings.json"}, .detections = 2}; }
   static std::string at(nanoseconds from_morning) { return "start=" + to_iso8601(morning + from_morning); }
 
-  const mission::Dictionary dictionary_ =
-      mission::Dictionary::load(std::string(SRFS_SOURCE_DIR) + "/mission");
+  const mission::Dictionary& dictionary_ = testing_support::dictionary();
   ReportQueue report_queue_;
   ImagingScheduler scheduler_{report_queue_};
   MonotonicTime now_ = start;

@@ -9,6 +9,7 @@
 
 #include <gtest/gtest.h>
 
+#include "tests/mission_dictionary.hpp"
 #include "wire/sdls_procedures.hpp"
 #include "wire/tc_uplink.hpp"
 
@@ -117,8 +118,7 @@ class KeyManagement : public testing::Test {
     return packets;
   }
 
-  const mission::Dictionary dictionary_ =
-      mission::Dictionary::load(std::string(SRFS_SOURCE_DIR) + "/mission");
+  const mission::Dictionary& dictionary_ = testing_support::dictionary();
   UplinkChain uplink_{config(), LinkState{}};
   ReportQueue reports_;
   KeyManagementService service_{{}, masters(), rekeyable_associations(config()), uplink_, reports_};

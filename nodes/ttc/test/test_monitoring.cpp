@@ -16,6 +16,7 @@
 #include "base/file.hpp"
 #include "nodes/ttc/services/monitoring_service.hpp"
 #include "nodes/ttc/test/router_with_parts.hpp"
+#include "tests/mission_dictionary.hpp"
 #include "tests/temporary_folder.hpp"
 
 namespace srfs {
@@ -52,7 +53,7 @@ class Checks : public testing::Test {
     return states;
   }
 
-  mission::Dictionary dictionary_ = mission::Dictionary::load(std::string(SRFS_SOURCE_DIR) + "/mission");
+  const mission::Dictionary& dictionary_ = testing_support::dictionary();
   Monitoring monitoring_{dictionary_};
   PayloadEpsHousekeeping sample_;
   MonotonicTime now_{seconds(100)};
@@ -1005,7 +1006,7 @@ TEST(StoredTables, WhereverThePowerIsLostTheTableIsTheOldOrTheNewOne) {
 }
 
 TEST(StoredTables, AnyContentIsReadWithoutHarm) {
-  const auto dictionary = mission::Dictionary::load(std::string(SRFS_SOURCE_DIR) + "/mission");
+  const auto& dictionary = testing_support::dictionary();
   std::mt19937 random(2);
   for (int i = 0; i < 300; ++i) {
     StoredTable table{.generation = 1, .content = Octets(random() % 300)};

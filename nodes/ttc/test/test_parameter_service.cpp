@@ -1,6 +1,7 @@
 // SPDX-FileCopyrightText: 2026 SRFS contributors
 // SPDX-License-Identifier: Apache-2.0
 #include "nodes/ttc/services/parameter_service.hpp"
+#include "tests/mission_dictionary.hpp"
 
 #include <gmock/gmock.h>
 
@@ -68,8 +69,7 @@ class ParameterServiceTest : public testing::Test {
     return call.value_or(ParameterCall{});
   }
 
-  const mission::Dictionary dictionary_ =
-      mission::Dictionary::load(std::string(SRFS_SOURCE_DIR) + "/mission");
+  const mission::Dictionary& dictionary_ = testing_support::dictionary();
   ReportQueue report_queue_;
   ParameterService service_{dictionary_, report_queue_, mission::apid::ttc};
   std::uint16_t number_ = 0;

@@ -1,6 +1,7 @@
 // SPDX-FileCopyrightText: 2026 SRFS contributors
 // SPDX-License-Identifier: Apache-2.0
 #include "nodes/ttc/store/store_control.hpp"
+#include "tests/mission_dictionary.hpp"
 
 #include <gtest/gtest.h>
 
@@ -59,8 +60,7 @@ class StoreControlTest : public testing::Test {
   }
 
   static constexpr std::size_t room = PacketRetrieval::room_for_batch;
-  const mission::Dictionary dictionary_ =
-      mission::Dictionary::load(std::string(SRFS_SOURCE_DIR) + "/mission");
+  const mission::Dictionary& dictionary_ = testing_support::dictionary();
   ReportQueue report_queue_;
   PacketRetrieval retrieval_{report_queue_};
   StoreControl control_{dictionary_, "", report_queue_, retrieval_};

@@ -4,6 +4,7 @@
 
 #include <gtest/gtest.h>
 
+#include "tests/mission_dictionary.hpp"
 #include "tests/temporary_folder.hpp"
 
 namespace srfs {
@@ -34,8 +35,7 @@ class StoredStates : public testing::Test {
   void lose(const char* name) { std::filesystem::remove(folder_.path() / name); }
 
   const testing_support::TemporaryFolder folder_;
-  const mission::Dictionary dictionary_ =
-      mission::Dictionary::load(std::string(SRFS_SOURCE_DIR) + "/mission");
+  const mission::Dictionary& dictionary_ = testing_support::dictionary();
   std::unique_ptr<StoredState> state_;
 };
 

@@ -12,6 +12,7 @@
 
 #include "nodes/ttc/test/simulated_medium.hpp"
 #include "tests/build_kind.hpp"
+#include "tests/mission_dictionary.hpp"
 #include "wire/cadu.hpp"
 #include "wire/tc_uplink.hpp"
 
@@ -339,7 +340,7 @@ class World {
 };
 
 TEST(TtcCoreProperties, WhereverItIsKilledEachTelecommandRunsOnceAndItsEndReachesTheGround) {
-  const auto dictionary = mission::Dictionary::load(std::string(SRFS_SOURCE_DIR) + "/mission");
+  const auto& dictionary = testing_support::dictionary();
   int kills = 0;
   std::size_t executed = 0;
   std::size_t released = 0;
@@ -367,7 +368,7 @@ TEST(TtcCoreProperties, WhereverItIsKilledEachTelecommandRunsOnceAndItsEndReache
 }
 
 TEST(TtcCoreProperties, WithADiskThatFailsNowAndThenNothingIsStuckAndNothingRunsTwice) {
-  const auto dictionary = mission::Dictionary::load(std::string(SRFS_SOURCE_DIR) + "/mission");
+  const auto& dictionary = testing_support::dictionary();
   for (std::uint64_t seed = 1; seed <= worlds; ++seed) {
     SCOPED_TRACE("seed " + std::to_string(seed));
     World world(dictionary, seed, true);
@@ -446,8 +447,7 @@ class CommandLoss : public testing::Test {
     return nullptr;
   }
 
-  const mission::Dictionary dictionary_ =
-      mission::Dictionary::load(std::string(SRFS_SOURCE_DIR) + "/mission");
+  const mission::Dictionary& dictionary_ = testing_support::dictionary();
   MonotonicTime now_{seconds(100)};
   std::optional<TtcCore> core_;
 };
