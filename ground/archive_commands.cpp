@@ -8,6 +8,7 @@
 
 #include <fmt/format.h>
 
+#include "ground/archive/archive_copy.hpp"
 #include "ground/archive/archive_report.hpp"
 #include "ground/archive/recorder.hpp"
 #include "ground/terminal_text.hpp"
@@ -16,6 +17,7 @@ namespace srfs::ground {
 namespace {
 
 constexpr std::size_t points_default = 2000;
+constexpr seconds progress_period{1};
 
 Exit fail(const std::string& message) {
   std::fprintf(stderr, "srfs-ground: %s\n", message.c_str());
@@ -241,6 +243,22 @@ Exit prune(const ArchiveCommand& command) {
     put(fmt::format("{} rows of {} removed\n", *rows, command.table));
     return {};
   });
+}
+
+Exit copy(const ArchiveCommand& command) {
+  MonotonicTime next = monotonic_now() + progress_period;
+  const auto copied = copy_archive(command.place, command.target, [&](const CopiedRows& so_far) {
+    if (monotonic_now() < next) return;
+    next = monotonic_now() + progress_period;
+    std::fprintf(stderr, "%s: %llu rows so far\n", so_far.table.c_str(),
+                 static_cast<unsigned long long>(so_far.read));
+  });
+  if (!copied) return fail(copied.error());
+  const Rows rows(command.form, {"table", "read", "added"});
+  for (const CopiedRows& of : *copied)
+    rows.write({{"type", "copied"}, {"table", of.table}, {"read", of.read}, {"added", of.added}},
+               fmt::format("{}: {} rows, {} of them new\n", of.table, of.read, of.added));
+  return Exit::done;
 }
 
 }  // namespace srfs::ground

@@ -21,6 +21,7 @@ struct ArchiveCommand {
   std::string source = {};     ///< of packets: an application process; empty: all
   unsigned severity = 1;       ///< of events, at least
   std::string table = {};      ///< to prune
+  ArchivePlace target = {};    ///< of a copy
 };
 
 // They read the archive themselves, beside a server or without one. Output to standard output, errors to
@@ -38,5 +39,7 @@ struct ArchiveCommand {
 [[nodiscard]] Exit repair(const ArchiveCommand& command);
 [[nodiscard]] Exit rebuild(const ArchiveCommand& command);
 [[nodiscard]] Exit prune(const ArchiveCommand& command);
+/// Nobody else writes the target when it is a file. Progress to standard error.
+[[nodiscard]] Exit copy(const ArchiveCommand& command);
 
 }  // namespace srfs::ground

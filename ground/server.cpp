@@ -5,8 +5,8 @@
 #include <algorithm>
 #include <cerrno>
 #include <cstdio>
+#include <set>
 #include <utility>
-#include <vector>
 
 #include <fcntl.h>
 #include <fmt/format.h>
@@ -26,6 +26,8 @@ void log_of_server(const std::string& text) {
 namespace {
 
 constexpr seconds opening_period{1};
+
+constexpr std::string_view server_lock_name = "serve.lock";  ///< in STATE
 
 constexpr std::size_t replayed_max = 5000;  ///< packets, for a client that comes back
 
@@ -52,7 +54,7 @@ ClientHub::Memory memory_of(Recorder* recorder) {
 Result<Fd, std::string> lock_state(const std::filesystem::path& state_dir) {
   std::error_code error;
   std::filesystem::create_directories(state_dir, error);
-  const auto file = state_dir / "serve.lock";
+  const auto file = state_dir / server_lock_name;
   constexpr mode_t owner_alone = 0600;
   Fd lock(::open(file.c_str(), O_RDWR | O_CREAT | O_CLOEXEC, owner_alone));
   if (!lock) return Err(fmt::format("{}: cannot open: {}", file.string(), errno_text(errno)));
@@ -62,6 +64,25 @@ Result<Fd, std::string> lock_state(const std::filesystem::path& state_dir) {
                     "that has the line); end it first",
                     file.string()));
   return lock;
+}
+
+Result<std::vector<Fd>, std::string> lock_archive(const std::filesystem::path& file,
+                                                  const std::filesystem::path& state_dir,
+                                                  const std::filesystem::path& recorded) {
+  std::error_code error;
+  const auto real = std::filesystem::weakly_canonical(file, error);
+  const auto of_state = std::filesystem::weakly_canonical(state_dir, error);
+  std::set<std::filesystem::path> folders;
+  if (std::filesystem::exists(real.parent_path() / server_lock_name, error))
+    folders.insert(real.parent_path());
+  if (std::filesystem::weakly_canonical(recorded, error) == real) folders.insert(of_state);
+  std::vector<Fd> locks;
+  for (const auto& folder : folders) {
+    auto lock = lock_state(folder);
+    if (!lock) return Err(lock.error());
+    locks.push_back(std::move(*lock));
+  }
+  return locks;
 }
 
 Result<Server, std::string> Server::open(const std::filesystem::path& state_dir) {

@@ -6,6 +6,7 @@
 #include <functional>
 #include <map>
 #include <string>
+#include <vector>
 
 #include "base/fd.hpp"
 #include "ground/archive/recorder.hpp"
@@ -62,5 +63,11 @@ void log_of_server(const std::string& text);
 /// Takes STATE for a process that owns the line; held until the descriptor is closed. The error is ready to
 /// print.
 [[nodiscard]] Result<Fd, std::string> lock_state(const std::filesystem::path& state_dir);
+/// Takes the folders whose server may write an archive's file, however it is spelled: that of the file, and
+/// STATE when its server records there.
+/// @param recorded  the archive of STATE's server
+[[nodiscard]] Result<std::vector<Fd>, std::string> lock_archive(const std::filesystem::path& file,
+                                                                const std::filesystem::path& state_dir,
+                                                                const std::filesystem::path& recorded);
 
 }  // namespace srfs::ground

@@ -13,6 +13,7 @@
 #include <nlohmann/json.hpp>
 
 #include "base/crc32c.hpp"
+#include "ground/archive/archive_database.hpp"
 #include "ground/archive/archive_schema.hpp"
 #include "ground/archive/postgresql_database.hpp"
 #include "ground/archive/sqlite_database.hpp"
@@ -23,11 +24,9 @@ namespace {
 static_assert(archive_schema == archive_steps.size());
 
 constexpr std::int64_t application_id = 0x53524653;  // "SRFS"
-constexpr std::int64_t minute_ns = 60'000'000'000;
-constexpr seconds pass_silence{120};   ///< without a packet, the next one begins another pass
-constexpr seconds gap_tolerance{120};  ///< times of a node's packets are not quite in order
-constexpr seconds gap_longest{600};    ///< of gaps that become one
-constexpr seconds gap_distance{60};    ///< between them
+constexpr seconds pass_silence{120};                 ///< without a packet, the next one begins another pass
+constexpr seconds gap_longest{600};                  ///< of gaps that become one
+constexpr seconds gap_distance{60};                  ///< between them
 /// Nobody else writes an SQLite file; readers hold up nothing. The station's loop waits for no program that
 /// does.
 constexpr milliseconds writing_patience{50};
@@ -35,13 +34,13 @@ constexpr milliseconds writing_patience{50};
 constexpr milliseconds lock_patience{300};        ///< of a station, for the other ones
 constexpr milliseconds command_patience{60'000};  ///< of a command, for an answer
 constexpr milliseconds connecting_patience{5000};
+/// To bring an older archive up to date, which takes as long as its size wants, or to wait for another
+/// program that does it.
+constexpr std::chrono::hours migration_patience{12};
 constexpr milliseconds lock_kept_longest{5000};  ///< by a program that does nothing
 constexpr std::int64_t batch_rows = 5000;        ///< of a shared archive, that are removed at once
 constexpr std::int64_t batch_minutes = std::int64_t{24} * 60;  ///< likewise
-constexpr int live_copy = 1;
 constexpr int retrieved_copy = 2;
-constexpr std::chrono::hours elsewhere_longest{
-    48};                             ///< gaps in which another station's packets are looked for
 constexpr int verified_copy = 4;     ///< one of them came in frames that were verified
 constexpr int open_gaps_max = 1000;  ///< of an application process; more give up the oldest
 
@@ -62,20 +61,12 @@ constexpr std::array<Table, 12> tables{{{"packets", true},
                                         {"pruned", true},
                                         {"acknowledgements", true}}};
 
-std::int64_t number_of(const wire::RequestId& request) {
-  return static_cast<std::int64_t>(request.packet_identification) << 16 | request.packet_sequence_control;
-}
-
 wire::RequestId request_id_of(std::int64_t number) {
   return {static_cast<std::uint16_t>(number >> 16), static_cast<std::uint16_t>(number & 0xFFFF)};
 }
 
 UtcTime time_of(std::int64_t ns) {
   return UtcTime(nanoseconds(ns));
-}
-
-std::int64_t minute_of(std::int64_t ns) {
-  return ns >= 0 ? ns / minute_ns : (ns - minute_ns + 1) / minute_ns;
 }
 
 /// The number by which the dictionary knows a packet of service 3 or 5.
@@ -121,7 +112,10 @@ Where where_of(const PacketFilter& filter) {
   if (filter.service) where.is("service=", *filter.service);
   if (filter.subtype) where.is("subtype=", *filter.subtype);
   if (filter.structure) where.is("structure=", *filter.structure);
-  if (filter.after_id) where.is("id>", *filter.after_id);
+  if (filter.after_id) {
+    where.is("id>", *filter.after_id);
+    where.sql += fmt::format(" AND copies<{}", added_by_copy);  // as the index packet_news has it
+  }
   if (filter.before_id) {
     where.is("(time,id)<(SELECT time, id FROM packets WHERE id=", *filter.before_id);
     where.sql += ")";
@@ -352,7 +346,8 @@ Archive::Outcome SqlArchive::restore() {
       return true;
     });
   if (!done) return done;
-  done = each("SELECT id, began, ended, packets FROM passes WHERE true" + own_ + " ORDER BY id DESC LIMIT 1",
+  done = each("SELECT id, began, ended, packets FROM passes WHERE true" + own_ +
+                  " ORDER BY began DESC, id DESC LIMIT 1",
               Where(), [&](const Statement& row) {
                 now_.pass = Pass{row.integer(0), time_of(row.integer(1)), time_of(row.integer(2)),
                                  static_cast<std::uint64_t>(row.integer(3))};
@@ -380,8 +375,10 @@ Result<std::int64_t, std::string> SqlArchive::add(const ReceivedPacket& received
   const std::int64_t crc = crc32c(received.raw);
   const auto added = insert(
       fmt::format("INSERT INTO packets(time, received, apid, sequence, service, subtype, structure, copies, "
-                  "crc, raw, id) VALUES(?,?,?,?,?,?,?,?,?,?,{}) ON CONFLICT DO NOTHING RETURNING id",
-                  database_->is_shared() ? "nextval('packet_numbers')" : "?"),
+                  "crc, raw, id) VALUES(?,?,?,?,?,?,?,?,?,?,{}) ON CONFLICT(apid, sequence, time, crc) DO "
+                  "NOTHING RETURNING id",
+                  database_->is_shared() ? "nextval('packet_numbers')"
+                                         : "max(?,(SELECT coalesce(max(id),0)+1 FROM packets))"),
       [&](Statement& s) {
         s.bind(1, time).bind(2, now.ns()).bind(3, std::int64_t{packet.apid});
         s.bind(4, std::int64_t{packet.sequence_count}).bind(5, std::int64_t{packet.service});
@@ -393,7 +390,7 @@ Result<std::int64_t, std::string> SqlArchive::add(const ReceivedPacket& received
   if (!added) return Err(added.error());
   const bool is_new = added->has_value();
   const std::int64_t id = added->value_or(0);
-  if (is_new && next_packet_) ++*next_packet_;
+  if (is_new && next_packet_) next_packet_ = id + 1;
   follow_pass(now);
   if (copy == live_copy && packet.apid != 0) {
     const auto gap = now_.finder.on_packet(packet.apid, packet.sequence_count, time_of(time));
@@ -513,7 +510,7 @@ Archive::Outcome SqlArchive::link_report(const wire::TmPacket& packet, std::int6
   if (!in.ok()) return {};
   return write(
       "INSERT INTO reports(telecommand, packet) SELECT id, CAST(? AS BIGINT) FROM telecommands WHERE "
-      "request=? ORDER BY id DESC LIMIT 1 ON CONFLICT DO NOTHING",
+      "request=? ORDER BY sent DESC, id DESC LIMIT 1 ON CONFLICT DO NOTHING",
       [&](Statement& s) { s.bind(1, id).bind(2, number_of(request)); });
 }
 
@@ -672,7 +669,8 @@ Archive::Outcome SqlArchive::set_minute(const DirtyMinute& minute,
     const auto done = write(
         "INSERT INTO minutes(parameter, minute, count, min, mean, max, worst) VALUES(?,?,?,?,?,?,?) "
         "ON CONFLICT(parameter, minute) DO UPDATE SET count=excluded.count, min=excluded.min, "
-        "mean=excluded.mean, max=excluded.max, worst=excluded.worst",
+        "mean=excluded.mean, max=excluded.max, worst=excluded.worst WHERE excluded.count>=minutes.count OR "
+        "NOT EXISTS (SELECT 1 FROM pruned WHERE pruned.minute>excluded.minute)",
         [&, &of = values](Statement& s) {
           s.bind(1, *id).bind(2, minute.minute).bind(3, static_cast<std::int64_t>(of.count));
           s.bind(4, of.min).bind(5, of.mean).bind(6, of.max).bind(7, static_cast<std::int64_t>(of.worst));
@@ -721,7 +719,7 @@ Archive::Outcome SqlArchive::forget_minutes() {
 Archive::Outcome SqlArchive::packets(const PacketFilter& filter,
                                      const std::function<bool(const StoredPacket&)>& take) {
   const Where where = where_of(filter);
-  const char* const order = filter.latest_live    ? "id DESC"
+  const char* const order = filter.latest_live    ? "received DESC, id DESC"
                             : filter.after_id     ? "id"
                             : filter.newest_first ? "time DESC, id DESC"
                                                   : "time, id";
@@ -785,11 +783,12 @@ Result<std::optional<StoredTelecommand>, std::string> SqlArchive::telecommand_of
   where.is("request=", number_of(request));
   where.is("sent<", before.ns());
   std::optional<StoredTelecommand> found;
-  const auto done = each(std::string(telecommand_columns) + where.sql + " ORDER BY id DESC LIMIT 1", where,
-                         [&](const Statement& row) {
-                           found = telecommand_in(row);
-                           return false;
-                         });
+  const auto done =
+      each(std::string(telecommand_columns) + where.sql + " ORDER BY sent DESC, id DESC LIMIT 1", where,
+           [&](const Statement& row) {
+             found = telecommand_in(row);
+             return false;
+           });
   if (!done) return Err(done.error());
   return found;
 }
@@ -836,8 +835,8 @@ Result<std::vector<StoredTelecommand>, std::string> SqlArchive::telecommands(con
   where.in("sent", period);
   std::vector<StoredTelecommand> found;
   const std::string limit = most == SIZE_MAX ? "" : fmt::format(" LIMIT {}", most);
-  auto done = each(std::string(telecommand_columns) + where.sql + " ORDER BY id DESC" + limit, where,
-                   [&](const Statement& row) {
+  auto done = each(std::string(telecommand_columns) + where.sql + " ORDER BY sent DESC, id DESC" + limit,
+                   where, [&](const Statement& row) {
                      found.push_back(telecommand_in(row));
                      return found.size() < most;
                    });
@@ -847,7 +846,7 @@ Result<std::vector<StoredTelecommand>, std::string> SqlArchive::telecommands(con
     Where of;
     of.is("telecommand=", stored.id);
     done = each("SELECT received, raw FROM reports JOIN packets ON packets.id=reports.packet" + of.sql +
-                    " ORDER BY packets.id",
+                    " ORDER BY received, packets.id",
                 of, [&](const Statement& row) {
                   const auto packet = telemetry_in(row.octets(1));
                   if (packet)
@@ -933,8 +932,8 @@ Result<std::vector<Pass>, std::string> SqlArchive::passes(const Period& period) 
   if (period.from) where.is("ended>=", period.from->ns());
   if (period.to) where.is("began<", period.to->ns());
   std::vector<Pass> found;
-  const auto done = each("SELECT id, began, ended, packets FROM passes" + where.sql + " ORDER BY id", where,
-                         [&](const Statement& row) {
+  const auto done = each("SELECT id, began, ended, packets FROM passes" + where.sql + " ORDER BY began, id",
+                         where, [&](const Statement& row) {
                            found.push_back({row.integer(0), time_of(row.integer(1)), time_of(row.integer(2)),
                                             static_cast<std::uint64_t>(row.integer(3))});
                            return true;
@@ -948,8 +947,8 @@ Result<std::vector<FileEntry>, std::string> SqlArchive::files(const Period& peri
   where.in("time", period);
   std::vector<FileEntry> found;
   const auto done =
-      each("SELECT time, txn, direction, name, event, octets FROM files" + where.sql + " ORDER BY id", where,
-           [&](const Statement& row) {
+      each("SELECT time, txn, direction, name, event, octets FROM files" + where.sql + " ORDER BY time, id",
+           where, [&](const Statement& row) {
              FileEntry file{
                  time_of(row.integer(0)), row.text(1), row.text(2), row.text(3), row.text(4), std::nullopt};
              if (!row.is_null(5)) file.octets = static_cast<std::uint64_t>(row.integer(5));
@@ -1038,27 +1037,40 @@ Result<bool, std::string> is_older(std::int64_t version, std::int64_t newest, Ar
   if (version > newest)
     return Err(fmt::format("written by a newer srfs-ground (schema {}, this one knows {}): use that one",
                            version, newest));
-  if (version < newest && use == ArchiveUse::read)
-    return Err(fmt::format("of schema {}, not {}: srfs-ground serve brings it up to date", version, newest));
+  const bool is_made = use == ArchiveUse::merge && version == 0;
+  if (version < newest && !is_made && (use == ArchiveUse::read || use == ArchiveUse::merge))
+    return Err(fmt::format("of schema {}, not {}: srfs-ground serve brings it up to date when it starts",
+                           version, newest));
   return version < newest;
 }
 
-/// Brings the schema of a file up to date. The error is ready to print.
-Archive::Outcome migrate_sqlite(Database& database, ArchiveUse use) {
+/// Which schema a file has. The error is ready to print.
+Result<std::int64_t, std::string> version_of_file(Database& database) {
   const auto version = database.number("PRAGMA user_version");
   if (!version) return Err(version.error().message);
   const auto id = database.number("PRAGMA application_id");
   if (!id) return Err(id.error().message);
   if (*version != 0 && *id != application_id) return Err(std::string("not an archive of srfs-ground"));
-  const auto older = is_older(*version, archive_schema, use);
+  return *version;
+}
+
+/// Brings the schema of a file up to date, all of it or nothing. The error is ready to print.
+Archive::Outcome migrate_sqlite(Database& database, ArchiveUse use) {
+  const auto before = version_of_file(database);
+  if (!before) return Err(before.error());
+  const auto older = is_older(*before, archive_schema, use);
   if (!older) return Err(older.error());
-  for (auto step = static_cast<std::size_t>(*version); step < archive_steps.size(); ++step) {
-    const auto done =
-        database.run(fmt::format("BEGIN IMMEDIATE;{};PRAGMA user_version={};PRAGMA application_id={};COMMIT",
-                                 archive_steps.at(step), step + 1, application_id));
-    if (!done) return Err(done.error().message);
-  }
-  return {};
+  if (!*older) return {};
+  if (const auto begun = database.begin(); !begun) return Err(begun.error().message);
+  const auto version = version_of_file(database);  // another program may have done it meanwhile
+  if (!version) return Err(version.error());
+  std::string sql;
+  for (auto step = static_cast<std::size_t>(*version); step < archive_steps.size(); ++step)
+    sql += archive_steps.at(step);
+  sql +=
+      fmt::format("PRAGMA user_version={};PRAGMA application_id={};COMMIT", archive_schema, application_id);
+  const auto done = database.run(sql);
+  return done ? Archive::Outcome{} : Err(done.error().message);
 }
 
 /// Likewise of a PostgreSQL, in the transaction that is open. @param schema  that of the spacecraft
@@ -1111,7 +1123,7 @@ std::filesystem::path repaired_of(std::filesystem::path file) {
 
 namespace {
 
-Result<std::unique_ptr<Archive>, std::string> open_sqlite(const ArchivePlace& place, ArchiveUse use) {
+Result<std::unique_ptr<Database>, std::string> open_sqlite(const ArchivePlace& place, ArchiveUse use) {
   const std::filesystem::path file = place.address;
   std::error_code error;
   const bool there = std::filesystem::exists(file, error);
@@ -1134,9 +1146,17 @@ Result<std::unique_ptr<Archive>, std::string> open_sqlite(const ArchivePlace& pl
     if (!set)
       return Err(fmt::format("{}: {}; see srfs-ground archive repair", file.string(), set.error().message));
   }
+  if (use != ArchiveUse::read) (*database)->set_patience(migration_patience);
   if (const auto migrated = migrate_sqlite(**database, use); !migrated)
     return Err(fmt::format("{}: {}", file.string(), migrated.error()));
-  if (use != ArchiveUse::read) (*database)->set_patience(writing_patience);
+  if (use != ArchiveUse::read)
+    (*database)->set_patience(use == ArchiveUse::merge ? command_patience : writing_patience);
+  return std::move(*database);
+}
+
+Result<std::unique_ptr<Archive>, std::string> open_file(const ArchivePlace& place, ArchiveUse use) {
+  auto database = open_sqlite(place, use);
+  if (!database) return Err(database.error());
   auto archive = std::make_unique<SqlArchive>(place, std::move(*database), nullptr);
   if (const auto restored = archive->restore(); !restored) return Err(restored.error());
   return archive;
@@ -1161,27 +1181,59 @@ PostgresqlDatabase::Settings settings_of(const ArchivePlace& place, ArchiveUse u
   return settings;
 }
 
-Result<std::unique_ptr<Archive>, std::string> open_postgresql(const ArchivePlace& place, ArchiveUse use) {
+std::string schema_of(const ArchivePlace& place) {
+  return fmt::format("srfs_{}", place.spacecraft);
+}
+
+/// Makes the tables or brings them up to date. Waits for another program that does it.
+Result<void, DatabaseError> bring_up_to_date(PostgresqlDatabase& database, const ArchivePlace& place,
+                                             ArchiveUse use) {
+  const auto settings = settings_of(place, use);
+  database.set_patience(migration_patience, settings.connecting);
+  auto done = database.run("SET lock_timeout=0; SET statement_timeout=0");
+  if (done) done = database.begin();
+  if (!done) return done;
+  if (const auto migrated = migrate_postgresql(database, schema_of(place), use); !migrated) {
+    database.roll_back();
+    return Err(DatabaseError{0, migrated.error()});
+  }
+  done = database.commit();
+  database.set_patience(settings.patience, settings.connecting);
+  return done ? database.run(settings.prepare) : done;
+}
+
+/// Connected, with the tables of this program; one for a station may be away.
+Result<std::unique_ptr<PostgresqlDatabase>, std::string> open_postgresql_database(const ArchivePlace& place,
+                                                                                  ArchiveUse use) {
   if (const auto wrong = wrong_postgresql(place.address)) return Err(*wrong);
   auto database = std::make_unique<PostgresqlDatabase>(settings_of(place, use));
-  const auto migrate = [use, schema = fmt::format("srfs_{}", place.spacecraft)](Database& of) {
-    return migrate_postgresql(of, schema, use);
-  };
-  const auto connected = database->connect(connecting_patience);
-  if (!connected && use != ArchiveUse::write)
-    return Err(fmt::format("{}: {}", place.address, connected.error().message));
-  if (use == ArchiveUse::read) {
-    if (const auto current = migrate(*database); !current)
-      return Err(fmt::format("{}: {}", place.address, current.error()));
+  auto done = database->connect(connecting_patience);
+  if (!done && use == ArchiveUse::write) return database;
+  if (done) {
+    const auto current = migrate_postgresql(*database, schema_of(place), ArchiveUse::read);
+    if (!current && use == ArchiveUse::read) done = Err(DatabaseError{0, current.error()});
+    if (!current && use != ArchiveUse::read) done = bring_up_to_date(*database, place, use);
   }
-  PostgresqlDatabase& opened = *database;
-  auto archive = std::make_unique<SqlArchive>(place, std::move(database), migrate);
+  if (!done) return Err(fmt::format("{}: {}", place.address, done.error().message));
+  return database;
+}
+
+Result<std::unique_ptr<Archive>, std::string> open_postgresql(const ArchivePlace& place, ArchiveUse use) {
+  auto opened = open_postgresql_database(place, use);
+  if (!opened) return Err(opened.error());
+  PostgresqlDatabase& database = **opened;
+  // The loop of a station makes tables that are not there. It has no time for an older archive.
+  auto archive =
+      std::make_unique<SqlArchive>(place, std::move(*opened), [schema = schema_of(place)](Database& of) {
+        return migrate_postgresql(of, schema, ArchiveUse::merge);
+      });
   if (use == ArchiveUse::read) {
     archive->read();
-  } else if (connected) {
-    if (const auto taken = archive->take_up(); !taken) return Err(taken.error());
+  } else if (database.connection() != 0) {
+    // A station that does not get its turn now gets it in its loop.
+    if (const auto taken = archive->take_up(); !taken && use != ArchiveUse::write) return Err(taken.error());
   }
-  if (use == ArchiveUse::write) opened.set_patience(place.patience, place.patience / 5);
+  if (use == ArchiveUse::write) database.set_patience(place.patience, place.patience / 5);
   return archive;
 }
 
@@ -1196,7 +1248,15 @@ std::optional<std::string> wrong_address(const ArchivePlace& place) {
 }
 
 Result<std::unique_ptr<Archive>, std::string> open_archive(const ArchivePlace& place, ArchiveUse use) {
-  return is_shared(place) ? open_postgresql(place, use) : open_sqlite(place, use);
+  return is_shared(place) ? open_postgresql(place, use) : open_file(place, use);
+}
+
+Result<std::unique_ptr<Database>, std::string> open_archive_database(const ArchivePlace& place,
+                                                                     ArchiveUse use) {
+  if (!is_shared(place)) return open_sqlite(place, use);
+  auto database = open_postgresql_database(place, use);
+  if (!database) return Err(database.error());
+  return std::move(*database);
 }
 
 namespace {

@@ -104,11 +104,11 @@ struct PacketFilter {
   std::optional<std::uint8_t> service = {};
   std::optional<std::uint8_t> subtype = {};
   std::optional<std::uint16_t> structure = {};  ///< of housekeeping (3,25) or an event (5,x): its number
-  std::optional<std::int64_t> after_id = {};    ///< packets that came later than this one
+  std::optional<std::int64_t> after_id = {};    ///< packets that were received later than this one
   std::optional<std::int64_t> before_id = {};   ///< packets whose time is before that of this one
   bool newest_first = false;
   bool latest_live =
-      false;  ///< live packets alone, what came last first, whatever the spacecraft's clock says
+      false;  ///< live packets alone, what was received last first, whatever the spacecraft's clock says
   std::size_t most = SIZE_MAX;
 };
 
@@ -156,6 +156,7 @@ class Archive {
   /// The oldest minute whose aggregates are not made yet, and that began before @p before. When there is one,
   /// nobody else makes it and no packet of it comes until the commit.
   [[nodiscard]] virtual Result<std::optional<DirtyMinute>, std::string> dirty_minute(UtcTime before) = 0;
+  /// Of a minute whose packets were removed in part, the aggregates of more packets stay.
   [[nodiscard]] virtual Outcome set_minute(const DirtyMinute& minute,
                                            const std::map<std::string, Aggregate>& aggregates) = 0;
   /// All aggregates whose packets are here are made anew, by a corrected dictionary.
@@ -196,7 +197,7 @@ class Archive {
 };
 
 inline constexpr std::string_view archive_name = "archive.sqlite";  ///< in STATE
-inline constexpr std::int64_t archive_schema = 3;                   ///< of an SQLite file
+inline constexpr std::int64_t archive_schema = 4;                   ///< of an SQLite file
 
 /// Where an archive is, and for whom.
 struct ArchivePlace {
@@ -223,9 +224,11 @@ struct ArchivePlace {
 enum class ArchiveUse : std::uint8_t {
   read,
   write,  ///< by a station, whose loop waits for it
-  care    ///< by a command
+  care,   ///< by a command
+  merge   ///< by a command that adds another archive's rows; an older archive is refused
 };
-/// Opens or makes an archive, and brings an older one up to date. A PostgreSQL that is away when a station
+/// Opens or makes an archive, and brings an older one up to date, however long that takes; ended anywhere, it
+/// begins anew. Who opens it meanwhile, waits. A PostgreSQL that is away when a station
 /// opens it is tried again whenever something is recorded.
 [[nodiscard]] Result<std::unique_ptr<Archive>, std::string> open_archive(const ArchivePlace& place,
                                                                          ArchiveUse use);

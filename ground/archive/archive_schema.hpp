@@ -63,6 +63,15 @@ CREATE INDEX packet_latest ON packets(service, structure);
 )sql",
                                           R"sql(
 CREATE TABLE acknowledgements(packet INTEGER PRIMARY KEY, time INTEGER NOT NULL, who TEXT NOT NULL);
+)sql",
+                                          R"sql(
+CREATE INDEX packet_received ON packets(service, structure, received);
+CREATE INDEX packet_news ON packets(id) WHERE copies<8;  -- 8 in copies: archive copy added it
+CREATE INDEX report_packet ON reports(packet);
+CREATE INDEX file_time ON files(time);
+CREATE INDEX pass_began ON passes(began);
+CREATE INDEX gap_begin ON gaps(apid, begin);
+DROP INDEX packet_latest;
 )sql"};
 
 /// The same tables in a PostgreSQL, in a schema for each spacecraft; the steps have numbers of their own.
@@ -124,6 +133,15 @@ CREATE INDEX minute_time ON minutes(minute);
 CREATE TABLE dirty(minute BIGINT NOT NULL, structure BIGINT NOT NULL, PRIMARY KEY(minute, structure));
 CREATE TABLE pruned(one BIGINT PRIMARY KEY CHECK(one=1), minute BIGINT NOT NULL);
 CREATE TABLE acknowledgements(packet BIGINT PRIMARY KEY, time BIGINT NOT NULL, who TEXT NOT NULL);
+)sql",
+                                             R"sql(
+CREATE INDEX packet_received ON packets(service, structure, received, id);
+CREATE INDEX packet_news ON packets(id) WHERE copies<8;
+CREATE INDEX report_packet ON reports(packet);
+CREATE INDEX file_time ON files(time);
+CREATE INDEX pass_began ON passes(began);
+CREATE INDEX gap_begin ON gaps(apid, begin);
+DROP INDEX packet_latest;        -- at the end: from here on, readers wait
 )sql"};
 
 }  // namespace srfs::ground

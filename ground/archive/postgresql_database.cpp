@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <array>
+#include <climits>
 #include <utility>
 
 #include <dlfcn.h>
@@ -265,7 +266,7 @@ bool PostgresqlDatabase::wait(bool writes, MonotonicTime until) const {
   const auto left = std::chrono::ceil<milliseconds>(until - monotonic_now()).count();
   pollfd socket{pq().socket(connection_.get()), static_cast<short>(writes ? POLLIN | POLLOUT : POLLIN), 0};
   // A signal is no reason to give up: the caller looks again.
-  return ::poll(&socket, 1, static_cast<int>(std::clamp<std::int64_t>(left, 0, 600'000))) != 0;
+  return ::poll(&socket, 1, static_cast<int>(std::clamp<std::int64_t>(left, 0, INT_MAX))) != 0;
 }
 
 /// Each statement has the patience, those of one transaction have it together.

@@ -32,6 +32,7 @@ Result<ArchiveCommand, std::string> archive_command(const Operation& operation) 
   for (unsigned i = 0; i < severities.size(); ++i) {
     if (a.severity == severities.at(i)) command.severity = i + 1;
   }
+  if (a.action == "copy") return command;  // its --to is no time
   const UtcTime now = system_utc_now();
   for (const auto& [text, end] :
        {std::pair(&a.from, &command.period.from), std::pair(&a.to, &command.period.to)}) {
@@ -78,11 +79,24 @@ Exit transfers(const Operation& operation) {
   return show(operation, [](const ArchiveCommand& c) { return show_transfers(c); });
 }
 
+Exit copy_into(const Operation& operation, ArchiveCommand command) {
+  const Arguments& a = operation.arguments;
+  if (a.to.empty())
+    return fail(a, "archive copy: --to is needed: the other archive, FILE or postgresql://...");
+  command.target = archive_at(a, a.to);
+  if (const auto wrong = wrong_address(command.target)) return fail(a, *wrong);
+  const auto locks = is_shared(command.target) ? Result<std::vector<Fd>, std::string>()
+                                               : lock_archive(command.target.address, operation.state_dir,
+                                                              archive_of_server(operation.state_dir));
+  return locks ? copy(command) : fail(a, locks.error());
+}
+
 Exit archive(const Operation& operation) {
   const Arguments& a = operation.arguments;
   const auto command = archive_command(operation);
   if (!command) return fail(a, command.error());
   if (a.action == "check") return check_archive(*command);
+  if (a.action == "copy") return copy_into(operation, *command);
   if (a.action == "prune") {
     if (a.table.empty() || !command->period.to)
       return fail(a, "archive prune: --table and --to are needed, for example --table packets --to 90d");
@@ -127,11 +141,14 @@ void define_archive(CLI::App& app, Arguments& a) {
   add_rows(app, a, "passes", "Times of contact", verbs::passes);
   add_rows(app, a, "transfers", "Recorded transfers of files", verbs::transfers);
   CLI::App& archive = add(app, a, "archive", "Care of the archive", verbs::archive);
-  archive.add_option("action", a.action, "check | repair | rebuild | prune")
+  archive.add_option("action", a.action, "check | copy | repair | rebuild | prune")
       ->required()
-      ->check(CLI::IsMember({"check", "repair", "rebuild", "prune"}));
+      ->check(CLI::IsMember({"check", "copy", "repair", "rebuild", "prune"}));
   archive.add_option("--table", a.table, "To prune: packets, telecommands, files, passes, gaps or minutes");
-  archive.add_option("--to", a.to, "To prune: what is older, UTC or 90d");
+  archive.add_option(
+      "--to", a.to,
+      "To prune: what is older, UTC or 90d. To copy: the archive that gets what it does not have, "
+      "FILE or postgresql://...");
 }
 
 }  // namespace srfs::ground::program

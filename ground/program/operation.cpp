@@ -113,12 +113,18 @@ constexpr std::string_view archive_address_name = "archive.address";
 
 }  // namespace
 
+std::string archive_of_server(const std::filesystem::path& state_dir) {
+  std::string address = read_file(state_dir / archive_address_name).value_or("");
+  while (address.ends_with('\n')) address.pop_back();
+  return address.empty() ? (state_dir / archive_name).string() : address;
+}
+
 ArchivePlace archive_place(const Operation& operation) {
   const Arguments& a = operation.arguments;
-  std::string address = a.archive;
-  if (address.empty()) address = read_file(operation.state_dir / archive_address_name).value_or("");
-  while (address.ends_with('\n')) address.pop_back();
-  if (address.empty()) return operation.state_dir / archive_name;
+  return archive_at(a, a.archive.empty() ? archive_of_server(operation.state_dir) : a.archive);
+}
+
+ArchivePlace archive_at(const Arguments& a, const std::string& address) {
   const ArchivePlace place(address, 0, a.station);
   // Files need no deployment.
   return is_shared(place) ? ArchivePlace(address, link_of(a).spacecraft_id, a.station) : place;

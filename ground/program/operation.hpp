@@ -115,6 +115,10 @@ void warn(const Arguments& a, const std::string& message);
 [[nodiscard]] wire::FopSettings fop_settings(const Arguments& a);
 /// The archive: --archive, what the last server of STATE recorded in, or the file in STATE.
 [[nodiscard]] ArchivePlace archive_place(const Operation& operation);
+/// What the last server of this folder recorded in.
+[[nodiscard]] std::string archive_of_server(const std::filesystem::path& state_dir);
+/// @param address  a file, or of a PostgreSQL, where it is that of the deployment's spacecraft
+[[nodiscard]] ArchivePlace archive_at(const Arguments& a, const std::string& address);
 /// What verbs without --archive take from now on. The error is ready to print.
 [[nodiscard]] Archive::Outcome remember_archive(const Operation& operation);
 /// The line itself.

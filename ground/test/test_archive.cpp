@@ -4,6 +4,7 @@
 #include <atomic>
 #include <csignal>
 #include <fstream>
+#include <future>
 #include <random>
 #include <set>
 #include <thread>
@@ -12,13 +13,14 @@
 #include <gtest/gtest.h>
 #include <sys/wait.h>
 #include <unistd.h>
-#include <mission/structures.hpp>
 
 #include "ground/archive/archive_report.hpp"
+#include "ground/archive/archive_schema.hpp"
 #include "ground/archive/postgresql_database.hpp"
 #include "ground/archive/recorder.hpp"
 #include "ground/archive/sqlite_database.hpp"
 #include "ground/station_status.hpp"
+#include "ground/test/archive_packets.hpp"
 #include "tests/mission_dictionary.hpp"
 #include "tests/postgresql_cluster.hpp"
 #include "tests/temporary_folder.hpp"
@@ -30,45 +32,6 @@ using ::testing::ElementsAre;
 using ::testing::HasSubstr;
 using ::testing::IsEmpty;
 using testing_support::dictionary;
-
-const UtcTime start = *from_iso8601("2026-11-21T08:00:00Z");
-
-ReceivedPacket made(wire::TmPacket packet, std::uint8_t vc = tm_channel::live) {
-  ReceivedPacket received{.vc = vc, .packet = packet, .raw = wire::make_tm_packet(packet)};
-  return received;
-}
-
-/// Housekeeping of timing, with a number that the test chooses.
-ReceivedPacket timing(std::uint16_t sequence, UtcTime time, std::uint32_t ticks,
-                      std::uint8_t vc = tm_channel::live) {
-  mission::TimingHousekeeping fields{};
-  fields.pulses_seen = ticks;
-  OctetWriter source;
-  source.u16(mission::structure::timing);
-  fields.encode(source);
-  return made({.apid = 2,
-               .sequence_count = sequence,
-               .time_reference = 1,
-               .service = 3,
-               .subtype = 25,
-               .time = to_tai(time),
-               .source = source.take()},
-              vc);
-}
-
-ReceivedPacket verification(wire::RequestId request, std::uint8_t subtype, std::uint16_t sequence,
-                            OctetView more = {}) {
-  OctetWriter source;
-  source.u16(request.packet_identification);
-  source.u16(request.packet_sequence_control);
-  source.bytes(more);
-  return made({.apid = 17,
-               .sequence_count = sequence,
-               .service = 1,
-               .subtype = subtype,
-               .time = to_tai(start),
-               .source = source.take()});
-}
 
 /// One for all tests of this program.
 testing_support::PostgresqlCluster& cluster() {
@@ -738,10 +701,118 @@ TEST_P(AnyArchive, TriesNoMoreOpenGapsOfAProcessThanItsMost) {
   EXPECT_EQ(archive().gaps({}, false)->back().state, GapState::given_up);
 }
 
+/// An archive of the schema before the last step.
+class OlderArchive : public AnyArchive {
+ protected:
+  void SetUp() override {
+    AnyArchive::SetUp();
+    if (IsSkipped()) return;
+    put(timing(1, start, 1));
+    recorder_->commit();
+    recorder_.reset();
+    make_older();
+  }
+  void make_older() {
+    for (const char* index :
+         {"packet_received", "packet_news", "report_packet", "file_time", "pass_began", "gap_begin"})
+      run(fmt::format("DROP INDEX {}", index));
+    run("CREATE INDEX packet_latest ON packets(service, structure)");
+    run(is_file() ? "PRAGMA user_version=3" : "UPDATE archive_version SET version=1");
+  }
+  [[nodiscard]] static std::string last_step() {
+    return is_file() ? fmt::format("{}; PRAGMA user_version={}", archive_steps.back(), archive_schema)
+                     : fmt::format("{}; UPDATE archive_version SET version={}", postgresql_steps.back(),
+                                   postgresql_steps.size());
+  }
+  [[nodiscard]] bool is_older() const {
+    return *another_writer()->number(is_file() ? "PRAGMA user_version"
+                                               : "SELECT version FROM archive_version") !=
+           (is_file() ? archive_schema : std::int64_t{postgresql_steps.size()});
+  }
+  [[nodiscard]] std::int64_t indexes_of_reports() const {
+    return *another_writer()->number(is_file()
+                                         ? "SELECT count(*) FROM sqlite_master WHERE name='report_packet'"
+                                         : "SELECT count(*) FROM pg_indexes WHERE indexname='report_packet' "
+                                           "AND schemaname=current_schema()");
+  }
+};
+
+INSTANTIATE_TEST_SUITE_P(Of, OlderArchive, ::testing::Values(Kind::sqlite, Kind::postgresql),
+                         [](const auto& of) { return of.param == Kind::sqlite ? "Sqlite" : "Postgresql"; });
+
+TEST_P(OlderArchive, IsNotReadAndFindsReportsByTheirPacketWhenItIsUpToDate) {
+  EXPECT_THAT(open_archive(place(), ArchiveUse::read).error(), HasSubstr("brings it up to date"));
+  EXPECT_EQ(indexes_of_reports(), 0);
+  open();
+  EXPECT_EQ(indexes_of_reports(), 1);
+  EXPECT_EQ(packets().size(), 1U);
+}
+
+TEST_P(OlderArchive, IsBroughtUpToDateByTheNextOneWhenTheFirstWasKilledAnywhere) {
+  std::mt19937 random(7);
+  int cut = 0;
+  for (int round = 0; round < 12; ++round) {
+    const pid_t child = fork();
+    if (child == 0) {
+      static_cast<void>(open_archive(place(), ArchiveUse::care));
+      _exit(0);
+    }
+    usleep(static_cast<useconds_t>(random() % 30'000));
+    kill(child, SIGKILL);
+    int status = 0;
+    ASSERT_EQ(waitpid(child, &status, 0), child);
+    if (is_older()) ++cut;
+    open();
+    EXPECT_FALSE(is_older());
+    EXPECT_EQ(indexes_of_reports(), 1);
+    EXPECT_EQ(packets().size(), 1U);
+    recorder_.reset();
+    make_older();
+  }
+  RecordProperty("cut", cut);
+}
+
+TEST_P(OlderArchive, IsWaitedForByAStationWhileAnotherProgramBringsItUpToDate) {
+  const auto other = another_writer();
+  ASSERT_TRUE(other->begin());
+  auto opening =
+      std::async(std::launch::async, [this] { return open_archive(place(), ArchiveUse::write).has_value(); });
+  EXPECT_EQ(opening.wait_for(seconds(1)), std::future_status::timeout);
+  const auto done = other->run(last_step());
+  ASSERT_TRUE(done) << done.error().message;
+  ASSERT_TRUE(other->commit());
+  EXPECT_TRUE(opening.get());
+}
+
+TEST_F(ArchiveFile, RecordsAPacketAlthoughAnotherProgramTookItsNumber) {
+  put(timing(1, start, 1));
+  recorder_->commit();
+  run("INSERT INTO packets SELECT id+1, time, received, apid, sequence+1, service, subtype, structure, "
+      "copies, "
+      "crc, raw FROM packets");
+  const auto id = archive().add(timing(3, start + seconds(2), 3), start);
+  ASSERT_TRUE(id) << id.error();
+  EXPECT_EQ(*id, 3);
+  EXPECT_EQ(packets().size(), 3U);
+}
+
+TEST_P(AnyArchive, GivesTheReportsOfATelecommandInTheOrderOfTheirReceiving) {
+  const wire::RequestId request{0x1811, 0xC005};
+  order("a", request);
+  ASSERT_TRUE(archive().add(verification(request, 7, 2), start + seconds(2)));
+  ASSERT_TRUE(archive().add(verification(request, 1, 1), start + seconds(1)));
+  recorder_->commit();
+  const auto found = archive().telecommands({}, 1);
+  ASSERT_EQ(found->front().reports.size(), 2U);
+  EXPECT_EQ(found->front().reports.front().subtype, 1);
+}
+
 TEST_F(ArchiveFile, BringsAnArchiveOfTheFirstSchemaUpToDate) {
   put(timing(1, start, 1));
   recorder_->commit();
-  run("DROP TABLE pruned; DROP TABLE acknowledgements; DROP INDEX packet_latest; PRAGMA user_version=1");
+  run("DROP TABLE pruned; DROP TABLE acknowledgements; DROP INDEX packet_received; DROP INDEX packet_news; "
+      "DROP INDEX report_packet; DROP INDEX file_time; DROP INDEX pass_began; DROP INDEX gap_begin; "
+      "PRAGMA user_version=1");
   recorder_.reset();
   open();
   EXPECT_EQ(archive().prune("packets", start), 0U);

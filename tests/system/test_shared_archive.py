@@ -128,6 +128,56 @@ class SharedArchiveTest(SystemTest):
                         station.end()
                 antennas.end()
 
+    def test_a_station_moves_from_its_file_into_a_shared_archive(self):
+        self.database = PostgresqlCluster(self.folder)
+        self.addCleanup(self.database.end)
+        folder = self.folder / "station1"
+        folder.mkdir()
+        file = folder / "before.sqlite"
+        with self.flight():
+            shutil.copytree(self.var / "keys", folder / "keys")
+            antennas = Antennas(self.var / "rs422", [folder / "rs422"])
+            station = Station(folder, 1, str(file))
+            try:
+                self.assertEqual(station.run("tc", "eps.switch_load", "load=2", "state=on", "--wait").returncode, 0)
+                wait_until(lambda: len(station.shown) > 10, DEADLINE_S, "telemetry")
+                refused = station.run("archive", "copy", "--to", str(file))
+                self.assertEqual(refused.returncode, 2)
+                station.end()
+                before = {verb: self.without_numbers(station, verb) for verb in ("packets", "commands")}
+
+                copy = ["--archive", str(file), "archive", "copy", "--to", self.database.address]
+                killed = subprocess.Popen([*station.words, *copy], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+                time.sleep(0.1)
+                killed.kill()
+                killed.wait()
+                copied = station.run("--json", *copy)
+                self.assertEqual(copied.returncode, 0, copied.stderr)
+                rows = {row["table"]: row for row in map(json.loads, copied.stdout.splitlines())}
+                self.assertEqual(rows["packets"]["read"], len(before["packets"]))
+
+                station.archive = self.database.address
+                station.start()
+                known = len(station.shown)
+                wait_until(lambda: len(station.shown) > known + 5, DEADLINE_S, "telemetry into the shared archive")
+                again = station.run("--json", *copy)  # beside the server
+                self.assertEqual([json.loads(line)["added"] for line in again.stdout.splitlines() if "packets" in line], [0])
+                station.end()
+            finally:
+                if station.server.poll() is None:
+                    station.end()
+                antennas.end()
+            for verb, rows in before.items():
+                after = self.without_numbers(station, verb)
+                self.assertEqual([row for row in rows if row not in after], [], verb)
+            packets = [(m["apid"], m["sequence"], m["time"]) for m in station.archived("packets")]
+            self.assertEqual(len(packets), len(set(packets)), "each packet once")
+            self.assertGreater(len(packets), len(before["packets"]))
+
+    @staticmethod
+    def without_numbers(station, verb):
+        return [{key: value for key, value in row.items() if key != "id"} for row in station.archived(verb)]
+
     def fly(self, first, second):
         command = lambda station: station.run("tc", "eps.switch_load", "load=2", "state=on", "--wait")  # noqa: E731
         shows_more = lambda station: (lambda known=len(station.shown): len(station.shown) > known + 5)  # noqa: E731
