@@ -59,9 +59,18 @@ std::string_view to_text(const StageReport& report) {
 
 StageReport Commanding::sent(const wire::RequestId& request, const mission::Command& command,
                              milliseconds patience, std::uint64_t tag, MonotonicTime now) {
+  forget_late(request);
   make_room();
   outstanding_.push_back({request, &command, tag, now, patience, now + patience});
   return report_of(outstanding_.back(), Outcome::sent, now);
+}
+
+void Commanding::forget_late(const wire::RequestId& request) {
+  std::erase_if(outstanding_, [&](const auto& t) { return t.timed_out && t.request == request; });
+}
+
+void Commanding::forget_late(MonotonicTime now) {
+  std::erase_if(outstanding_, [&](const auto& t) { return t.timed_out && now >= t.deadline + late_longest; });
 }
 
 void Commanding::make_room() {
@@ -100,6 +109,7 @@ std::optional<StageReport> Commanding::on_packet(const wire::TmPacket& packet, M
   OctetReader in(packet.source);
   const std::uint16_t identification = in.u16();
   const wire::RequestId request{identification, in.u16()};
+  forget_late(now);
   // Sequence counts wrap: the newest telecommand with this id is meant.
   const auto newest = std::find_if(outstanding_.rbegin(), outstanding_.rend(),
                                    [&](const auto& t) { return t.request == request; });
@@ -127,6 +137,7 @@ void Commanding::extend(const wire::RequestId& request, MonotonicTime now) {
 }
 
 std::vector<StageReport> Commanding::on_time(MonotonicTime now) {
+  forget_late(now);
   std::vector<StageReport> reports;
   for (auto& telecommand : outstanding_) {
     if (telecommand.timed_out || telecommand.deadline > now) continue;

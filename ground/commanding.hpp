@@ -69,10 +69,13 @@ struct StageReport {
 [[nodiscard]] std::string_view to_text(const StageReport& report);
 
 /// Follows telecommands from sending to completion by their verification reports. Pure; at most
-/// max_outstanding, for a new one the oldest is given up, those that timed out before others.
+/// max_outstanding, for a new one the oldest is given up, those that timed out before others. Request ids are
+/// used again, by other stations, too: one that timed out is forgotten after late_longest, or when another
+/// telecommand with its id is sent.
 class Commanding {
  public:
   static constexpr std::size_t max_outstanding = 256;
+  static constexpr seconds late_longest{600};
 
   explicit Commanding(const mission::Dictionary& dictionary) : dictionary_(dictionary) {}
 
@@ -90,8 +93,10 @@ class Commanding {
   /// There is news of a telecommand that takes long: its patience begins anew.
   void extend(std::uint64_t tag, MonotonicTime now);
   void extend(const wire::RequestId& request, MonotonicTime now);
-  /// The telecommands whose time is over. They are followed on: a spacecraft without a CPU tells their end
-  /// later.
+  /// Somebody else sent a telecommand with this id.
+  void forget_late(const wire::RequestId& request);
+  /// The telecommands whose time is over. They are followed on for late_longest: a spacecraft without a CPU
+  /// tells their end later.
   [[nodiscard]] std::vector<StageReport> on_time(MonotonicTime now);
 
   [[nodiscard]] std::size_t outstanding() const;
@@ -111,6 +116,7 @@ class Commanding {
   [[nodiscard]] StageReport report_of(const Outstanding& telecommand, Outcome outcome,
                                       MonotonicTime now) const;
   void read_failure(OctetReader& in, StageReport& report) const;
+  void forget_late(MonotonicTime now);
   void make_room();
 
   const mission::Dictionary& dictionary_;

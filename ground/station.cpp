@@ -39,13 +39,15 @@ void Station::on_telecommand_of_other(const SeenTelecommand& seen, MonotonicTime
   const auto* command = dictionary_.command(seen.name);
   if (command == nullptr || !output_.stage_of_other) return;
   if (whose_.size() == Commanding::max_outstanding) whose_.erase(whose_.begin());
-  whose_[seen.request] = seen.who;
-  if (seen.scheduled) return others_.follow_scheduled(seen.request, *command, longest_schedule, 0, now);
-  tell_stage_of_other(others_.sent(seen.request, *command, command->timeout + report_margin, 0, now));
+  const std::uint64_t tag = next_other_++;
+  whose_[tag] = seen.who;
+  commanding_.forget_late(seen.request);
+  if (seen.scheduled) return others_.follow_scheduled(seen.request, *command, longest_schedule, tag, now);
+  tell_stage_of_other(others_.sent(seen.request, *command, command->timeout + report_margin, tag, now));
 }
 
 void Station::tell_stage_of_other(StageReport report) {
-  const auto whose = whose_.find(report.request);
+  const auto whose = whose_.find(std::exchange(report.tag, 0));
   report.who = whose == whose_.end() ? "?" : whose->second;
   const bool ended = report.is_final() && report.outcome != Outcome::timed_out;
   if (whose != whose_.end() && ended) whose_.erase(whose);
@@ -92,9 +94,10 @@ void Station::follow(const wire::RequestId& insertion, const std::optional<Sched
 
 void Station::on_insertion(const StageReport& report, MonotonicTime now) {
   const wire::RequestId telecommand = insertions_.at(report.request);
-  if (!report.is_final() || report.outcome == Outcome::timed_out) return;
+  if (!report.is_final()) return;
   insertions_.erase(report.request);
-  if (report.outcome == Outcome::unknown) return;  // it may be there
+  const bool may_be_there = report.outcome == Outcome::timed_out || report.outcome == Outcome::unknown;
+  if (may_be_there) return;
   const auto inserted = commanding_.on_inserted(telecommand, report.is_completed(), now);
   if (inserted && output_.stage) output_.stage(*inserted);
 }
@@ -134,6 +137,7 @@ Result<wire::RequestId, OrderError> Station::dispatch(const mission::EncodedComm
       if (packets) retrievals_.emplace_back(tag, packets->front().store);
     }
     follow(*request, scheduled, tag, now);
+    others_.forget_late(*request);
     if (!by_ad) on_stage(commanding_.sent(*request, *encoded.command, wait, tag, now), now);
   }
   link_->settle();

@@ -143,8 +143,9 @@ class Station {
   const mission::Dictionary& dictionary_;
   std::unique_ptr<StationLink> link_;
   Commanding commanding_;
-  Commanding others_;                                       ///< telecommands of other users
-  std::map<wire::RequestId, std::string> whose_;            ///< of them; bounded as these
+  Commanding others_;                           ///< telecommands of other users
+  std::map<std::uint64_t, std::string> whose_;  ///< of them, by their tag, the oldest first; bounded as these
+  std::uint64_t next_other_ = 0;
   std::map<std::uint64_t, AdTelecommand> ad_telecommands_;  // by number; bounded by AD queue and window
   std::uint64_t next_ad_number_ = 1;
   std::map<wire::RequestId, wire::RequestId> insertions_;  // insertion -> its telecommand; bounded

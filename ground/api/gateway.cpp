@@ -146,7 +146,9 @@ void Gateway::on_stage(const StageReport& report) {
     snapshot_.newest_id = std::max(snapshot_.newest_id, report.archive_id);
   }
   publish(json, report.archive_id);
-  const bool ended = report.is_final() && report.outcome != Outcome::timed_out && !report.insertion;
+  // After timed_out an end may follow; a late one may be that of the insertion.
+  const bool ended =
+      report.is_final() && report.outcome != Outcome::timed_out && !report.late && !report.insertion;
   if (ended && token != followed_.end()) followed_.erase(token);
 }
 

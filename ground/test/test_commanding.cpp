@@ -113,6 +113,29 @@ TEST_F(CommandingTest, TellsAnEndThatComesAfterItsPatience) {
   EXPECT_FALSE(commanding.on_packet(report(7), start + seconds(51))) << "it has ended";
 }
 
+TEST_F(CommandingTest, TakesNoReportForOneThatTimedOutLongAgo) {
+  ASSERT_EQ(commanding.on_time(start + seconds(10)).size(), 1U);
+  EXPECT_TRUE(commanding.on_packet(report(3), start + Commanding::late_longest));
+  EXPECT_FALSE(commanding.on_packet(report(7), start + seconds(10) + Commanding::late_longest))
+      << "it is of another station's telecommand";
+}
+
+TEST_F(CommandingTest, ForgetsOneThatTimedOutWhenItsIdIsUsedAgain) {
+  ASSERT_EQ(commanding.on_time(start + seconds(10)).size(), 1U);
+  static_cast<void>(commanding.sent(request, *dictionary().command("eps.switch_load"), seconds(10), 9,
+                                    start + seconds(11)));
+  EXPECT_EQ(commanding.on_packet(report(7), start + seconds(12))->tag, 9U);
+  EXPECT_FALSE(commanding.on_packet(report(7), start + seconds(13)));
+
+  static_cast<void>(commanding.sent(request, *dictionary().command("eps.switch_load"), seconds(1), 10,
+                                    start + seconds(20)));
+  commanding.forget_late(request);
+  EXPECT_EQ(commanding.outstanding(), 1U) << "it is not late";
+  ASSERT_EQ(commanding.on_time(start + seconds(21)).size(), 1U);
+  commanding.forget_late(request);
+  EXPECT_FALSE(commanding.on_packet(report(7), start + seconds(22))) << "it is of who sent it again";
+}
+
 TEST_F(CommandingTest, GivesUpOneThatTimedOutBeforeOneThatIsWaitedFor) {
   const auto& command = *dictionary().command("eps.switch_load");
   static_cast<void>(commanding.sent({0x1811, 1}, command, seconds(1), 8, start));

@@ -38,7 +38,7 @@ class Campaign:
             self.messages.append(message)
 
     def on_downlink(self, message):
-        if message["type"] == "tc_stage":
+        if message["type"] == "tc_stage" and (message["final"] or not message.get("late")):  # a late end counts, not what comes before it
             self.messages.append({"at_ns": time.monotonic_ns(), **message})
             self._ends[message["line"]] = message["final"]
         if message["type"] == "error" or (message["type"] == "tc_stage" and message["final"]):
