@@ -133,9 +133,12 @@ void HttpServer::start(HttpApplication& application) {
 void HttpServer::stop() {
   const std::uint64_t one = 1;
   [[maybe_unused]] const auto told = ::write(stop_.get(), &one, sizeof one);
-  if (acceptor_.joinable()) acceptor_.join();
   std::unique_lock lock(mutex_);
   stopped_ = true;
+  ended_.notify_all();
+  lock.unlock();
+  if (acceptor_.joinable()) acceptor_.join();
+  lock.lock();
   for (const auto& [number, connection] : connections_)
     static_cast<void>(::shutdown(connection.socket, SHUT_RDWR));
   ended_.wait(lock, [this] { return connections_.empty(); });
@@ -166,7 +169,8 @@ bool HttpServer::make_place(std::unique_lock<std::mutex>& lock) {
     stranger->second.leaves = true;
     static_cast<void>(::shutdown(stranger->second.socket, SHUT_RDWR));
   }
-  return ended_.wait_for(lock, place_patience, [this] { return connections_.size() < threads_max; });
+  return ended_.wait_for(lock, place_patience,
+                         [this] { return stopped_ || connections_.size() < threads_max; });
 }
 
 void HttpServer::take(Fd socket) {
@@ -175,7 +179,7 @@ void HttpServer::take(Fd socket) {
   static_cast<void>(
       ::setsockopt(socket.get(), SOL_SOCKET, SO_SNDBUF, &send_buffer_octets, sizeof send_buffer_octets));
   std::unique_lock lock(mutex_);
-  if (!make_place(lock)) return;  // closed
+  if (!make_place(lock) || stopped_) return;  // closed
   const std::uint64_t number = next_number_++;
   connections_[number] = {socket.get(), false};
   try {
