@@ -100,10 +100,6 @@ class DownlinkLine(threading.Thread):
         with self._lock:
             self._injected += cadus
 
-    def pending(self):
-        with self._lock:
-            return len(self._injected)
-
     def run(self):
         down = b""
         while not self._ended.is_set():
