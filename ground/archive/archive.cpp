@@ -1063,7 +1063,11 @@ Archive::Outcome migrate_sqlite(Database& database, ArchiveUse use) {
   if (!*older) return {};
   if (const auto begun = database.begin(); !begun) return Err(begun.error().message);
   const auto version = version_of_file(database);  // another program may have done it meanwhile
-  if (!version) return Err(version.error());
+  const auto still = version ? is_older(*version, archive_schema, use) : Err(version.error());
+  if (!still || !*still) {
+    database.roll_back();
+    return still ? Archive::Outcome{} : Err(still.error());
+  }
   std::string sql;
   for (auto step = static_cast<std::size_t>(*version); step < archive_steps.size(); ++step)
     sql += archive_steps.at(step);
@@ -1245,6 +1249,15 @@ bool is_shared(const ArchivePlace& place) {
 
 std::optional<std::string> wrong_address(const ArchivePlace& place) {
   return is_shared(place) ? wrong_postgresql(place.address) : std::nullopt;
+}
+
+std::optional<std::int64_t> older_schema(const ArchivePlace& place) {
+  std::error_code error;
+  if (is_shared(place) || !std::filesystem::exists(place.address, error)) return std::nullopt;
+  const auto database = SqliteDatabase::open(place.address, SqliteDatabase::Use::read);
+  if (!database) return std::nullopt;
+  const auto version = version_of_file(**database);
+  return version && *version > 0 && *version < archive_schema ? std::optional(*version) : std::nullopt;
 }
 
 Result<std::unique_ptr<Archive>, std::string> open_archive(const ArchivePlace& place, ArchiveUse use) {

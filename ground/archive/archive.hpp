@@ -227,6 +227,8 @@ enum class ArchiveUse : std::uint8_t {
   care,   ///< by a command
   merge   ///< by a command that adds another archive's rows; an older archive is refused
 };
+/// The schema of a file that open_archive() will bring up to date; nullopt: none.
+[[nodiscard]] std::optional<std::int64_t> older_schema(const ArchivePlace& place);
 /// Opens or makes an archive, and brings an older one up to date, however long that takes; ended anywhere, it
 /// begins anew. Who opens it meanwhile, waits. A PostgreSQL that is away when a station
 /// opens it is tried again whenever something is recorded.

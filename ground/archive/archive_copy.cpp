@@ -390,10 +390,18 @@ Archive::Outcome Copy::telecommands() {
         if (ending != std::string::npos) {
           const Value before{.kind = Value::Kind::text, .text = row[1].text.substr(0, ending)};
           const auto renamed = into_.write(
-              "UPDATE telecommands SET token=? WHERE token=? AND request=? AND sent=? RETURNING id",
-              {&row[1], &before, &row[2], &row[3]});
+              "UPDATE telecommands SET token=? WHERE token=? AND request=? AND sent=? AND NOT EXISTS "
+              "(SELECT 1 FROM telecommands WHERE token=?) RETURNING id",
+              {&row[1], &before, &row[2], &row[3], &row[1]});
           if (!renamed || *renamed) return renamed ? Result<bool, std::string>(false) : renamed;
         }
+        const auto same =
+            into_.rows("SELECT token FROM telecommands WHERE request=? AND sent=?", "t", {&row[2], &row[3]});
+        if (!same) return Err(same.error());
+        const bool went_not_up = std::any_of(same->begin(), same->end(), [&](const Row& there) {
+          return there[0].text.starts_with(row[1].text + std::string(not_sent));
+        });
+        if (went_not_up) return false;  // the target knows more
         return into_.write(insert, with_station(row, 1, columns));
       });
 }
@@ -415,8 +423,11 @@ Archive::Outcome Copy::reports() {
 }
 
 /// A report of one archive may be of a telecommand that only the other one knows.
+/// @param packet  received, id, raw, time, copies
 Result<bool, std::string> Copy::link(const Row& packet) {
-  const Value& received = packet[0];
+  // What was only retrieved was received long after the spacecraft made it.
+  const bool live = (packet[4].integer & live_copy) != 0;
+  const Value before = live ? packet[0] : value_of(std::min(packet[0].integer, packet[3].integer));
   const Value& number = packet[1];
   const auto telemetry = telemetry_in(packet[2].octets);
   if (!telemetry) return false;
@@ -426,7 +437,7 @@ Result<bool, std::string> Copy::link(const Row& packet) {
   const Value request = value_of(number_of(id));
   const auto newest = into_.rows(
       "SELECT id, sent FROM telecommands WHERE request=? AND sent<=? ORDER BY sent DESC, id DESC LIMIT 1",
-      "ii", {&request, &received});
+      "ii", {&request, &before});
   if (!newest || newest->empty()) return newest ? Result<bool, std::string>(false) : Err(newest.error());
   const auto present = into_.rows(
       "SELECT telecommands.id, sent FROM reports JOIN telecommands ON telecommands.id=reports.telecommand "
@@ -445,9 +456,9 @@ Result<bool, std::string> Copy::link(const Row& packet) {
 Archive::Outcome Copy::link_to_later_telecommands() {
   // In the order of the index packet_received.
   return each(into_, "reports",
-              "SELECT received, id, raw FROM packets WHERE service=1 AND structure IS NULL AND (received, "
-              "id)>(?,?) ORDER BY received, id",
-              "iio", 2, [this](const Row& row) { return link(row); });
+              "SELECT received, id, raw, time, copies FROM packets WHERE service=1 AND structure IS NULL AND "
+              "(received, id)>(?,?) ORDER BY received, id",
+              "iioii", 2, [this](const Row& row) { return link(row); });
 }
 
 Archive::Outcome Copy::files() {

@@ -75,12 +75,17 @@ std::unique_ptr<Recorder> open_recorder(const Operation& operation) {
   const Arguments& a = operation.arguments;
   if (a.no_archive) return nullptr;
   const ArchivePlace place = archive_place_of_server(operation);
+  if (const auto schema = older_schema(place))
+    log_of_server(
+        fmt::format("the archive has schema {} and is brought up to date; the line is served when that is "
+                    "done, which takes minutes for a big one",
+                    *schema));
   if (a.keep_days > 0) remove_older(place, a.keep_days);
   auto archive = open_archive(place, ArchiveUse::write);
   if (!archive) {
     log_of_server(archive.error() + (is_shared(place) ? "; nothing is recorded"
-                                                      : "; nothing is recorded until it is repaired "
-                                                        "(srfs-ground archive repair)"));
+                                                      : "; nothing is recorded until that is mended (a "
+                                                        "damaged file: srfs-ground archive repair)"));
     return nullptr;
   }
   auto recorder = std::make_unique<Recorder>(std::move(*archive), operation.dictionary, log_of_server);

@@ -31,6 +31,7 @@ using ::testing::ElementsAre;
 using ::testing::Field;
 using ::testing::HasSubstr;
 using ::testing::IsEmpty;
+using ::testing::Not;
 using testing_support::dictionary;
 
 constexpr wire::RequestId request{0x1811, 0xC005};
@@ -296,6 +297,51 @@ TEST_P(ArchiveCopy, OfTwoStationsIsTheSameInEitherOrder) {
   EXPECT_THAT(all, Contains(AllOf(HasSubstr("telecommand first "), HasSubstr("(1,7)"))));
   EXPECT_THAT(all, Contains(AllOf(HasSubstr("telecommand of the first "), HasSubstr("(1,1)"))));
   EXPECT_THAT(all, Contains(HasSubstr("gap 2 30 21 missing 2 ")));
+}
+
+TEST_P(ArchiveCopy, LeavesARetrievedReportWithWhatWasSentBeforeTheSpacecraftMadeIt) {
+  const ArchivePlace first = file("first");
+  const ArchivePlace second = file("second");
+  {
+    const auto archive = opened(first);
+    order(*archive, "first", start - seconds(1));
+    ReceivedPacket report = verification(request, 7, 2);
+    report.vc = tm_channel::playback;
+    put(*archive, report, start + std::chrono::hours(2));
+    commit(*archive);
+    const auto other = opened(second);
+    order(*other, "second", start + std::chrono::hours(1));
+    commit(*other);
+  }
+  for (const bool reversed : {false, true}) {
+    const ArchivePlace target = another_target();
+    copy(reversed ? second : first, target);
+    copy(reversed ? first : second, target);
+    const auto all = truth(target);
+    EXPECT_THAT(all, Contains(AllOf(HasSubstr("telecommand first "), HasSubstr("(1,7)"))));
+    EXPECT_THAT(all, Contains(AllOf(HasSubstr("telecommand second "), Not(HasSubstr("(1,7)")))));
+  }
+}
+
+TEST_P(ArchiveCopy, OfBeforeATelecommandWasKnownNotToHaveGoneUpChangesNothing) {
+  const ArchivePlace source = file("source");
+  const ArchivePlace older = file("older");
+  const ArchivePlace target = another_target();
+  {
+    const auto archive = opened(source);
+    order(*archive, "T", start);
+    commit(*archive);
+  }
+  copy(source, older);
+  {
+    const auto archive = opened(source);
+    EXPECT_TRUE(archive->forget_token("T"));
+    commit(*archive);
+  }
+  copy(source, target);
+  EXPECT_THAT(copy(older, target), Each(Field(&CopiedRows::added, 0U)));
+  EXPECT_THAT(copy(source, target), Each(Field(&CopiedRows::added, 0U)));
+  EXPECT_EQ(truth(target), truth(source));
 }
 
 TEST_P(ArchiveCopy, OfAnOlderArchiveLeavesTheLatestValueAndTelecommand) {
