@@ -60,6 +60,8 @@ struct StageReport {
            outcome == Outcome::unknown;
   }
   [[nodiscard]] bool is_completed() const { return outcome == Outcome::passed && stage == Stage::completion; }
+  /// What became of it is known: no further report comes.
+  [[nodiscard]] bool has_ended() const { return is_final() && outcome != Outcome::timed_out; }
   /// No more reports are waited for. After timed_out one may still come, which is late then.
   [[nodiscard]] bool is_final() const {
     return is_completed() || (is_failure() && !(outcome == Outcome::failed && stage == Stage::progress));

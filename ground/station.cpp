@@ -49,8 +49,7 @@ void Station::on_telecommand_of_other(const SeenTelecommand& seen, MonotonicTime
 void Station::tell_stage_of_other(StageReport report) {
   const auto whose = whose_.find(std::exchange(report.tag, 0));
   report.who = whose == whose_.end() ? "?" : whose->second;
-  const bool ended = report.is_final() && report.outcome != Outcome::timed_out;
-  if (whose != whose_.end() && ended) whose_.erase(whose);
+  if (whose != whose_.end() && report.has_ended()) whose_.erase(whose);
   output_.stage_of_other(report);
 }
 
@@ -231,8 +230,7 @@ void Station::on_stage(const StageReport& stage, MonotonicTime now) {
   if (output_.stage) output_.stage(report);
   if (report.insertion) on_insertion(report, now);
   for (auto& retrieval : retrievals_) retrieval.on_stage(report, now);
-  const bool ended = report.is_final() && report.outcome != Outcome::timed_out;
-  if (const auto asked = asked_keys_.find(report.tag); ended && asked != asked_keys_.end()) {
+  if (const auto asked = asked_keys_.find(report.tag); asked != asked_keys_.end() && report.has_ended()) {
     // Even if it could not be stored, it holds until the spacecraft's next restart; the beacon shows it.
     if (report.is_completed()) {
       const auto selected = link_->select_keys(asked->second, "ttc.select_keys");

@@ -147,8 +147,7 @@ void Gateway::on_stage(const StageReport& report) {
   }
   publish(json, report.archive_id);
   // After timed_out an end may follow; a late one may be that of the insertion.
-  const bool ended =
-      report.is_final() && report.outcome != Outcome::timed_out && !report.late && !report.insertion;
+  const bool ended = report.has_ended() && !report.late && !report.insertion;
   if (ended && token != followed_.end()) followed_.erase(token);
 }
 

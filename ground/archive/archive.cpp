@@ -222,7 +222,7 @@ class SqlArchive final : public Archive {
   std::unique_ptr<Database> database_;
   Prepare prepare_;
   std::string own_;  ///< condition on what is each station's, where several write
-  std::map<std::string, std::unique_ptr<Statement>, std::less<>> statements_;
+  PreparedStatements statements_;
   int known_ = 0;  ///< connection of which the state here is
   bool in_transaction_ = false;
   bool must_sync_ = false;  ///< a telecommand is in it, which goes up behind the commit
@@ -239,13 +239,9 @@ class SqlArchive final : public Archive {
 };
 
 Result<Statement*, std::string> SqlArchive::cached(const std::string& sql) {
-  auto found = statements_.find(sql);
-  if (found == statements_.end()) {
-    auto statement = database_->prepare(sql);
-    if (!statement) return Err(text_of(statement.error()));
-    found = statements_.emplace(sql, std::move(*statement)).first;
-  }
-  return found->second.get();
+  const auto statement = statements_.of(*database_, sql);
+  if (!statement) return Err(text_of(statement.error()));
+  return *statement;
 }
 
 Archive::Outcome SqlArchive::begin() {

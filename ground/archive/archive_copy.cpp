@@ -102,17 +102,13 @@ class Side {
 
   std::string address_;
   std::unique_ptr<Database> database_;
-  std::map<std::string, std::unique_ptr<Statement>, std::less<>> statements_;
+  PreparedStatements statements_;
 };
 
 Result<Statement*, std::string> Side::prepared(const std::string& sql) {
-  auto found = statements_.find(sql);
-  if (found == statements_.end()) {
-    auto statement = database_->prepare(sql);
-    if (!statement) return Err(text_of(statement.error()));
-    found = statements_.emplace(sql, std::move(*statement)).first;
-  }
-  return found->second.get();
+  const auto statement = statements_.of(*database_, sql);
+  if (!statement) return Err(text_of(statement.error()));
+  return *statement;
 }
 
 Value column_of(const Statement& row, int column, char kind) {

@@ -21,4 +21,14 @@ Result<std::int64_t, DatabaseError> Database::number(std::string_view sql) {
   return number;
 }
 
+Result<Statement*, DatabaseError> PreparedStatements::of(Database& database, const std::string& sql) {
+  auto found = statements_.find(sql);
+  if (found == statements_.end()) {
+    auto statement = database.prepare(sql);
+    if (!statement) return Err(statement.error());
+    found = statements_.emplace(sql, std::move(*statement)).first;
+  }
+  return found->second.get();
+}
+
 }  // namespace srfs::ground

@@ -3,6 +3,8 @@
 #pragma once
 
 #include <cstdint>
+#include <functional>
+#include <map>
 #include <memory>
 #include <string>
 #include <string_view>
@@ -80,6 +82,16 @@ class Database {
 
   /// The only column of the only row; 0: no row.
   [[nodiscard]] Result<std::int64_t, DatabaseError> number(std::string_view sql);
+};
+
+/// The statements of a database, each prepared once. Bounded by the program's own SQL. Ends before the
+/// database.
+class PreparedStatements {
+ public:
+  [[nodiscard]] Result<Statement*, DatabaseError> of(Database& database, const std::string& sql);
+
+ private:
+  std::map<std::string, std::unique_ptr<Statement>, std::less<>> statements_;
 };
 
 }  // namespace srfs::ground
