@@ -72,6 +72,13 @@ class Subscription {
     while (reader_->dispatch_one(monotonic_now())) {
     }
   }
+  /// Called before the message that shows that those before it are lost, with when it came and their count.
+  void on_lost(std::function<void(MonotonicTime received, std::uint64_t messages)> callback) {
+    reader_->on_gap(
+        [callback = std::move(callback)](const MessageInfo& info, std::int64_t first, std::int64_t last) {
+          callback(info.received, static_cast<std::uint64_t>(last - first + 1));
+        });
+  }
   [[nodiscard]] InputStats stats() const { return reader_->stats(); }
   [[nodiscard]] QosEvents qos_events() const { return reader_->qos_events().events(); }
   /// Called after each event, on a middleware thread: post from there to the work thread.

@@ -152,10 +152,15 @@ int record(const Target& target, seconds duration) {
   std::vector<std::shared_ptr<void>> kept;
   const auto listen = [&]<class M>(ros::Topic<M> topic) {
     topic.qos.depth = 256;  // an observer may fall behind; the nodes' depths are theirs
-    kept.push_back(std::make_shared<ros::Subscription<M>>(executor, **participant, topic,
-                                                          [](const M& message, const ros::MessageInfo& info) {
-                                                            print_line(describe(message, info.received));
-                                                          }));
+    auto subscription = std::make_shared<ros::Subscription<M>>(
+        executor, **participant, topic,
+        [](const M& message, const ros::MessageInfo& info) { print_line(describe(message, info.received)); });
+    subscription->on_lost([name = topic.name](MonotonicTime received, std::uint64_t messages) {
+      Json j = begin("lost", received);
+      j.update({{"topic", name}, {"messages", messages}});
+      print_line(j);
+    });
+    kept.push_back(std::move(subscription));
   };
   listen(topics::time_tick);
   for (const suite::Bus& bus : target.deployment.buses) {

@@ -270,7 +270,7 @@ class MissionOnVcan(unittest.TestCase):
     def test_no_two_payloads_ever_shared_a_slot(self):
         flight.wait_for_slots(1, "to judge")
         frames = can_frames.computer_frames(flight.candump_lines())
-        self.assertEqual(flight.rotation.overlaps(), 0)
+        self.assertEqual(flight.rotation.overlaps(), 0, f"{flight.rotation.lost_statuses} statuses lost by the recorder")
         self.judge(frames, at_least=3)
 
     def judge(self, frames, at_least):

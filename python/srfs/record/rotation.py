@@ -15,6 +15,7 @@ class Rotation:
         self.grants = {}  # (switcher incarnation, grant counter) -> dict
         self.flag_latencies_us = []  # tick published -> flag received, both as the recorder sees them
         self.several_flags = 0  # messages with more than one flag true
+        self.lost_statuses = 0  # messages on /BUS/bus_status for which the recorder was too slow
         self.telecommands = {}  # id -> dict of target, at, {stage: time}
         self.last_slot = None
         self._tick_published = {}
@@ -57,6 +58,10 @@ class Rotation:
         self.grants[key].update(end)
         self.last_slot = self.grants[key]
 
+    def _on_lost(self, m):
+        if m["topic"].endswith("/bus_status"):
+            self.lost_statuses += m["messages"]
+
     def _on_telecommand(self, m):
         self.telecommands.setdefault(m["id"], {"target": m["target"], "at": m["at_ns"], "stages": {}})
 
@@ -89,13 +94,12 @@ class Rotation:
         return [grant for grant in ordered[:-1] if grant["holder"] == payload and grant["status"] not in ("released", "not used")]
 
     def overlaps(self):
-        """Grants given while the holder before had neither released nor lost its lease."""
+        """Grants given while the holder before had neither released nor lost its lease. An end that was not recorded is no overlap as long as
+        the recorder lost as many messages: the frames on the bus tell then."""
         ordered = self._ordered()
-        return self.several_flags + sum(
-            1
-            for before, after in zip(ordered, ordered[1:])
-            if after["published"] < before["lease_end"] and (before["released"] is None or before["released"] > after["published"])
-        )
+        early = [before for before, after in zip(ordered, ordered[1:]) if after["published"] < min(before["lease_end"], before["released"] or before["lease_end"])]
+        without_end = sum(1 for grant in early if grant["released"] is None)
+        return self.several_flags + len(early) - min(without_end, self.lost_statuses)
 
     def skipped(self):
         """(with cause, without): recorded ticks without a grant, the cause being a bus that was still held."""

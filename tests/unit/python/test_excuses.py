@@ -73,6 +73,21 @@ class FailedSlotsTest(unittest.TestCase):
         released(3, S + 260 * MS)
         self.assertEqual(seen.overlaps(), 1, "the next grant came before the first release")
 
+    def test_an_end_for_which_the_recorder_was_too_slow_is_no_overlap(self):
+        seen = rotation.Rotation()
+        for number, released in ((1, True), (2, False), (3, True), (4, False), (5, True)):
+            seen.grants[(1, number)] = {"holder": "ab"[number % 2], "cycle": number, "published": number * S, "lease_end": number * S + 1200 * MS,
+                                        "status": "released" if released else None, "released": number * S + 50 * MS if released else None,
+                                        "used_us": None}  # fmt: skip
+
+        self.assertEqual(seen.overlaps(), 2, "nothing was lost, so the ends were not said")
+        seen.on_message({"type": "lost", "at_ns": 5 * S, "topic": "/can/task_flags", "messages": 7})
+        self.assertEqual(seen.overlaps(), 2, "flags were lost, not ends")
+        seen.on_message({"type": "lost", "at_ns": 5 * S, "topic": "/can/bus_status", "messages": 1})
+        self.assertEqual(seen.overlaps(), 1, "one end may have been in the lost message, not two")
+        seen.on_message({"type": "lost", "at_ns": 6 * S, "topic": "/can/bus_status", "messages": 2})
+        self.assertEqual(seen.overlaps(), 0)
+
 
 if __name__ == "__main__":
     unittest.main()
