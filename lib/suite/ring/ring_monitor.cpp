@@ -207,7 +207,7 @@ void RingMonitor::conclude_round(MonotonicTime now, nanoseconds waited) {
     }
     // A node that waited for a CPU between two timely timers may have had no time to hear itself.
     if (waited <= tolerance()) ++self_failures_;
-    if (self_failures_ >= 2 * patience_.misses) {
+    if (self_failures_ >= self_failures_at_most()) {
       exiting_ = true;
       actions_.emplace_back(ExitSelf{});
       return;
@@ -226,6 +226,14 @@ void RingMonitor::conclude_round(MonotonicTime now, nanoseconds waited) {
   }
 }
 
+/// In rounds, for only those count in which it had a CPU. A slow one is not deaf.
+int RingMonitor::self_failures_at_most() const {
+  const int usual = 2 * patience_.misses;
+  if (hears_itself_ == Hears::in_time) return usual;
+  const milliseconds patience = hears_itself_ == Hears::late ? RingPatience::deaf : patience_.start_deadline;
+  return std::max(usual, static_cast<int>(patience / patience_.period));
+}
+
 void RingMonitor::ask(MonotonicTime now, bool doubt) {
   for (Subject& s : subjects_) {
     s.wrong.clear();
@@ -240,16 +248,29 @@ void RingMonitor::ask(MonotonicTime now, bool doubt) {
   self_nonce_ = 0;
   if (!doubt) return;
   self_nonce_ = next_nonce();
+  asked_self_.push_back({self_nonce_, now});
+  if (asked_self_.size() > most_unanswered) asked_self_.pop_front();
   actions_.emplace_back(AskSelf{self_nonce_});
 }
 
+/// It was asked so lately that its answer shows that messages pass, slowly as they may.
+bool RingMonitor::is_recent(const std::deque<Asked>& asked, std::uint64_t nonce, MonotonicTime now) {
+  return std::any_of(asked.begin(), asked.end(), [&](const Asked& a) {
+    return nonce != 0 && a.nonce == nonce && now - a.at < RingPatience::deaf;
+  });
+}
+
 void RingMonitor::on_self_answer(std::uint64_t nonce, MonotonicTime now) {
+  if (is_recent(asked_self_, nonce, now)) {
+    self_failures_ = 0;
+    hears_itself_ = nonce == self_nonce_ ? Hears::in_time : Hears::late;
+  }
   if (nonce == 0 || nonce != self_nonce_) {
     ++counters_.stale_answers;
     return;
   }
+  asked_self_.clear();
   self_nonce_ = 0;
-  self_failures_ = 0;
   const bool in_time = now - last_period_ <= patience_.period + tolerance();
   for (Subject& s : subjects_) {
     if (s.suspected == 0) continue;
@@ -301,6 +322,7 @@ void RingMonitor::judge_silence(Subject& s, MonotonicTime now) {
   if (!s.heard && known_for < patience_.start_deadline) return;
   // A restart is the last remedy for a link that DDS mostly repairs itself, within its announcement period.
   if (s.first_evidence && now - *s.first_evidence < RingPatience::deaf) return;
+  if (s.answered_late && now - *s.answered_late < RingPatience::deaf) return;  // slow, not deaf
   if (s.first_evidence &&
       able_since(s, *s.first_evidence, now, &CpuTotals::any_waited) < RingPatience::deaf) {
     excuse(s, now);
@@ -375,6 +397,8 @@ void RingMonitor::on_answer(std::string_view subject, const CheckAnswer& answer,
       s != nullptr && !current && !previous ? find_late_question(*s, answer.nonce, now) : std::nullopt;
   if (!current && !previous && !late_question) {
     ++counters_.stale_answers;
+    if (s != nullptr && answer.incarnation == s->incarnation && is_recent(s->unanswered, answer.nonce, now))
+      s->answered_late = now;
     return;
   }
   if (s->incarnation == 0 || answer.incarnation != s->incarnation) observe(*s, now);
@@ -423,7 +447,7 @@ void RingMonitor::on_answer(std::string_view subject, const CheckAnswer& answer,
 std::optional<MonotonicTime> RingMonitor::find_late_question(Subject& s, std::uint64_t nonce,
                                                              MonotonicTime now) {
   const auto asked = std::find_if(s.unanswered.begin(), s.unanswered.end(),
-                                  [&](const Subject::Asked& a) { return a.nonce == nonce; });
+                                  [&](const Asked& a) { return a.nonce == nonce; });
   if (nonce == 0 || asked == s.unanswered.end()) return std::nullopt;
   note_cpu(s, now);
   const nanoseconds in_time = patience_.period + tolerance() + held_up_since(asked->at);

@@ -206,6 +206,10 @@ class RingMonitor {
   [[nodiscard]] bool is_as_desired(std::string_view subject) const;
 
  private:
+  struct Asked {
+    std::uint64_t nonce;
+    MonotonicTime at;
+  };
   struct Subject {
     std::string_view name;
     bool downstream = false;  ///< our own, not one behind a silent node
@@ -226,12 +230,9 @@ class RingMonitor {
     MonotonicTime asked_at;
     MonotonicTime suspected_asked_at;
     MonotonicTime ask_from;
-    struct Asked {
-      std::uint64_t nonce;
-      MonotonicTime at;
-    };
     std::deque<Asked> unanswered;  ///< older ones, of which an answer may come late for want of a CPU
-    std::string wrong;             ///< what the answers to the check that is out got wrong
+    std::optional<MonotonicTime> answered_late;  ///< when the last answer came that was too late to count
+    std::string wrong;                           ///< what the answers to the check that is out got wrong
     // Evidence, in a row.
     int misses = 0;
     int wrong_in_row = 0;
@@ -307,7 +308,10 @@ class RingMonitor {
   MonotonicTime last_not_asked_;
   bool not_asked_ = false;
   std::uint64_t self_nonce_ = 0;
-  int self_failures_ = 0;
+  int self_failures_ = 0;         ///< in a row
+  std::deque<Asked> asked_self_;  ///< without an answer
+  enum class Hears : std::uint8_t { unknown, late, in_time };
+  Hears hears_itself_ = Hears::unknown;  ///< the last time that it did
   bool exiting_ = false;
   struct HeldUp {
     MonotonicTime until;
@@ -315,6 +319,9 @@ class RingMonitor {
     nanoseconds waited;  ///< of it, for a CPU
   };
   /// @param part  of one time, at most what lies after @p since counts
+  [[nodiscard]] static bool is_recent(const std::deque<Asked>& asked, std::uint64_t nonce, MonotonicTime now);
+  /// Failed checks of itself in a row with which this node takes itself for deaf.
+  [[nodiscard]] int self_failures_at_most() const;
   [[nodiscard]] nanoseconds sum_since(MonotonicTime since, nanoseconds (*part)(const HeldUp&)) const;
   std::deque<HeldUp> held_up_;
   Counters counters_;

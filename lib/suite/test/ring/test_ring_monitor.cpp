@@ -3,6 +3,7 @@
 #include "suite/ring/ring_monitor.hpp"
 
 #include <algorithm>
+#include <deque>
 #include <map>
 #include <memory>
 #include <set>
@@ -76,6 +77,15 @@ class RingMonitorTest : public testing::Test {
     NodeReading reading = other.reading;
     if (other.turns && reading.page) reading.page->last_turn = now_;
     return reading;
+  }
+
+  /// Its downstream hangs, so it checks itself; it heard itself before, and hears nothing from now on.
+  void doubt_itself() {
+    round();
+    others_["b"].answers = false;
+    rounds(2);
+    hang("b");
+    hears_itself_ = false;
   }
 
   /// Takes the CPU from the node: no turn, no answer, and the kernel's accounting shows why.
@@ -528,20 +538,64 @@ TEST_F(RingMonitorTest, CountsNoMissWhileItDoesNotHearItself) {
 }
 
 TEST_F(RingMonitorTest, ExitsWhenItHasNotHeardItselfForTwiceTheMisses) {
-  round();
-  hang("b");
-  hears_itself_ = false;
-  rounds(7);
+  doubt_itself();
+  rounds(6);
   EXPECT_EQ(exits_, 0);
-  rounds(5);
+  rounds(1);
   EXPECT_EQ(exits_, 1);
   EXPECT_THAT(accusations_, IsEmpty());
 }
 
-TEST_F(RingMonitorTest, ANodeThatWaitedForACpuBetweenItsRoundsDoesNotTakeItselfForDeaf) {
-  rounds(3);
+TEST_F(RingMonitorTest, ExitsLaterWhenItHasNeverHeardItself) {
+  round();
   hang("b");
   hears_itself_ = false;
+  rounds(31);
+  EXPECT_EQ(exits_, 0) << "its endpoints may not have found each other";
+  rounds(1);
+  EXPECT_EQ(exits_, 1);
+}
+
+TEST_F(RingMonitorTest, DoesNotTakeItselfForDeafWhileItHearsItselfLate) {
+  round();
+  hang("b");
+  hears_itself_ = false;
+  std::deque<std::uint64_t> asked;
+  for (int i = 0; i < 100; ++i) {
+    round();
+    asked.push_back(self_nonce_);
+    if (asked.size() <= 14) continue;
+    monitor_->on_self_answer(asked.front(), now_);
+    asked.pop_front();
+    drain();
+  }
+  EXPECT_EQ(exits_, 0);
+  EXPECT_THAT(accusations_, IsEmpty()) << "it does not hear whether it is to blame";
+  rounds(13);
+  EXPECT_EQ(exits_, 0) << "it is slow";
+  rounds(2);
+  EXPECT_EQ(exits_, 1) << "nothing any more";
+}
+
+TEST_F(RingMonitorTest, TakesANodeThatAnswersLateForSlowNotForDeaf) {
+  round();
+  others_["b"].answers = false;
+  std::deque<RingMonitor::Ask> asked;
+  for (int i = 0; i < 100; ++i) {
+    round();
+    asked.push_back(asks_.front());
+    if (asked.size() <= 10) continue;
+    answer(asked.front());
+    asked.pop_front();
+  }
+  EXPECT_THAT(accusations_, IsEmpty());
+  EXPECT_GT(reported(LivenessVerdict::miss), 80U) << "what is seen is reported all the same";
+  rounds(16);
+  EXPECT_THAT(accused(), ElementsAre("b: deaf")) << "nothing any more";
+}
+
+TEST_F(RingMonitorTest, ANodeThatWaitedForACpuBetweenItsRoundsDoesNotTakeItselfForDeaf) {
+  doubt_itself();
   for (int i = 0; i < 100; ++i) round(nanoseconds(0), milliseconds(80));
   EXPECT_EQ(exits_, 0) << "its timer came in time, and it had no time for more";
   for (int i = 0; i < 20; ++i) round();
