@@ -245,8 +245,9 @@ void Rescuer::wait(MonotonicTime now) {
   if (!outgoing_.empty()) until = std::min(until, now + line_full_sleep);
   if (file_request_) until = now;
   pollfd line{.fd = devices_.line->fd(), .events = POLLIN, .revents = 0};
-  const auto rest = std::max<std::int64_t>((until - monotonic_now()) / milliseconds(1), 0);
-  (void)poll(&line, 1, static_cast<int>(rest));
+  // Upwards: with less than a millisecond left it would turn without a rest.
+  const auto rest = std::max(std::chrono::ceil<milliseconds>(until - monotonic_now()), milliseconds(0));
+  (void)poll(&line, 1, static_cast<int>(rest.count()));
 }
 
 void Rescuer::read_line(MonotonicTime now) {
