@@ -5,6 +5,7 @@
 #include <filesystem>
 #include <fstream>
 #include <random>
+#include <utility>
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -231,6 +232,26 @@ TEST_P(ArchiveCopy, IsCompletedByAnotherOneAfterItWasKilledAnywhere) {
   settle(target);
   EXPECT_EQ(truth(target), all);
   EXPECT_TRUE(opened(target, ArchiveUse::read)->check()->empty());
+}
+
+TEST_P(ArchiveCopy, EndsWhenItsSourceIsStartedAnewAndIsCompletedByAnotherOne) {
+  if (GetParam() == Kind::sqlite) GTEST_SKIP() << "a file needs no server";
+  const ArchivePlace original = file("original");
+  const ArchivePlace source = another_target();
+  fill(original, 2000);
+  copy(original, source);
+  bool stopped = false;
+  const auto copied = copy_archive(source, file("target"), [&](const CopiedRows&) {
+    if (std::exchange(stopped, true)) return;
+    cluster().stop(SIGINT);
+    cluster().start();
+  });
+  ASSERT_FALSE(copied) << "what its source had when it began is not known any more";
+  EXPECT_THAT(copied.error(), HasSubstr("the same command completes it"));
+
+  copy(source, file("target"));
+  settle(file("target"));
+  EXPECT_EQ(truth(file("target")), truth(original));
 }
 
 TEST_P(ArchiveCopy, AddsWhatCameSinceTheLastOne) {
