@@ -171,6 +171,7 @@ void RingMonitor::void_round(MonotonicTime now) {
   not_asked_ = false;
   self_nonce_ = 0;
   self_failures_ = 0;
+  asked_self_.clear();
   for (Subject& s : subjects_) {
     if (s.nonce != 0) report(s, LivenessVerdict::void_, now);
     // What the kernel reports of a process is true however late this node asks.
@@ -190,6 +191,7 @@ void RingMonitor::skip_round(MonotonicTime now) {
   not_asked_ = false;
   self_nonce_ = 0;
   self_failures_ = 0;
+  asked_self_.clear();
   for (Subject& s : subjects_) s.suspected = 0;
 }
 
@@ -206,7 +208,7 @@ void RingMonitor::conclude_round(MonotonicTime now, nanoseconds waited) {
       report(s, LivenessVerdict::void_, now, "the observer did not hear itself");
     }
     // A node that waited for a CPU between two timely timers may have had no time to hear itself.
-    if (waited <= tolerance()) ++self_failures_;
+    if (waited <= tolerance() && self_failures_++ == 0) failing_since_ = now;
     if (self_failures_ >= self_failures_at_most()) {
       exiting_ = true;
       actions_.emplace_back(ExitSelf{});
@@ -226,12 +228,15 @@ void RingMonitor::conclude_round(MonotonicTime now, nanoseconds waited) {
   }
 }
 
-/// In rounds, for only those count in which it had a CPU. A slow one is not deaf.
+/// In rounds, for only those count in which it had a CPU. A slow node is not deaf: its own answer may be on
+/// the way, or its endpoints may not have found each other yet.
 int RingMonitor::self_failures_at_most() const {
-  const int usual = 2 * patience_.misses;
-  if (hears_itself_ == Hears::in_time) return usual;
-  const milliseconds patience = hears_itself_ == Hears::late ? RingPatience::deaf : patience_.start_deadline;
-  return std::max(usual, static_cast<int>(patience / patience_.period));
+  const bool starts = !heard_itself_ && failing_since_ - begun_ < patience_.start_deadline;
+  const bool is_slow = own_delay_ > nanoseconds(0);
+  const milliseconds patience = starts    ? patience_.start_deadline
+                                : is_slow ? RingPatience::deaf
+                                          : milliseconds(0);
+  return std::max(2 * patience_.misses, static_cast<int>(patience / patience_.period));
 }
 
 void RingMonitor::ask(MonotonicTime now, bool doubt) {
@@ -246,30 +251,32 @@ void RingMonitor::ask(MonotonicTime now, bool doubt) {
     actions_.emplace_back(Ask{s.name, s.nonce});
   }
   self_nonce_ = 0;
-  if (!doubt) return;
+  if (!doubt && own_delay_ == nanoseconds(0)) return;
   self_nonce_ = next_nonce();
   asked_self_.push_back({self_nonce_, now});
   if (asked_self_.size() > most_unanswered) asked_self_.pop_front();
   actions_.emplace_back(AskSelf{self_nonce_});
 }
 
-/// It was asked so lately that its answer shows that messages pass, slowly as they may.
-bool RingMonitor::is_recent(const std::deque<Asked>& asked, std::uint64_t nonce, MonotonicTime now) {
-  return std::any_of(asked.begin(), asked.end(), [&](const Asked& a) {
-    return nonce != 0 && a.nonce == nonce && now - a.at < RingPatience::deaf;
-  });
-}
-
 void RingMonitor::on_self_answer(std::uint64_t nonce, MonotonicTime now) {
-  if (is_recent(asked_self_, nonce, now)) {
-    self_failures_ = 0;
-    hears_itself_ = nonce == self_nonce_ ? Hears::in_time : Hears::late;
-  }
-  if (nonce == 0 || nonce != self_nonce_) {
+  const auto asked = std::find_if(asked_self_.begin(), asked_self_.end(),
+                                  [&](const Asked& a) { return nonce != 0 && a.nonce == nonce; });
+  if (asked == asked_self_.end()) {
     ++counters_.stale_answers;
     return;
   }
-  asked_self_.clear();
+  const MonotonicTime asked_at = asked->at;
+  const bool is_current = nonce == self_nonce_;
+  asked_self_.erase(asked_self_.begin(), asked + 1);
+  self_failures_ = 0;
+  heard_itself_ = true;
+  own_delay_ = is_current ? nanoseconds(0) : now - asked_at;
+  if (!is_current) {
+    ++counters_.late_answers;
+    count_misses_before(asked_at, now);
+    review_watch(now);
+    return;
+  }
   self_nonce_ = 0;
   const bool in_time = now - last_period_ <= patience_.period + tolerance();
   for (Subject& s : subjects_) {
@@ -282,6 +289,18 @@ void RingMonitor::on_self_answer(std::uint64_t nonce, MonotonicTime now) {
     }
   }
   review_watch(now);
+}
+
+/// This node has heard what came before the answer to its own question of @p asked. Who was asked a period
+/// before that has had as long as this node takes to hear itself, and a period.
+void RingMonitor::count_misses_before(MonotonicTime asked, MonotonicTime now) {
+  for (Subject& s : subjects_) {
+    const auto last = std::find_if(s.unanswered.rbegin(), s.unanswered.rend(),
+                                   [&](const Asked& a) { return a.at + patience_.period <= asked; });
+    if (last == s.unanswered.rend()) continue;
+    s.suspected_asked_at = last->at;
+    count_miss(s, now);
+  }
 }
 
 void RingMonitor::count_miss(Subject& s, MonotonicTime now) {
@@ -313,7 +332,7 @@ void RingMonitor::judge_silence(Subject& s, MonotonicTime now) {
            fmt::format("{}for {} ms", where, in_ms(now - std::max(since, last_void_)).count()));
     return;
   }
-  if (now - std::max(page->last_turn, last_void_) >= 2 * patience_.period) {
+  if (now - std::max(page->last_turn, last_void_) >= 2 * patience_.period + own_delay_) {
     judge_stale_page(s, page->last_turn, now);
     return;
   }
@@ -321,8 +340,7 @@ void RingMonitor::judge_silence(Subject& s, MonotonicTime now) {
   const nanoseconds known_for = able_since(s, s.first_seen, now, &CpuTotals::any_waited);
   if (!s.heard && known_for < patience_.start_deadline) return;
   // A restart is the last remedy for a link that DDS mostly repairs itself, within its announcement period.
-  if (s.first_evidence && now - *s.first_evidence < RingPatience::deaf) return;
-  if (s.answered_late && now - *s.answered_late < RingPatience::deaf) return;  // slow, not deaf
+  if (s.first_evidence && now - *s.first_evidence < RingPatience::deaf + own_delay_) return;
   if (s.first_evidence &&
       able_since(s, *s.first_evidence, now, &CpuTotals::any_waited) < RingPatience::deaf) {
     excuse(s, now);
@@ -397,8 +415,6 @@ void RingMonitor::on_answer(std::string_view subject, const CheckAnswer& answer,
       s != nullptr && !current && !previous ? find_late_question(*s, answer.nonce, now) : std::nullopt;
   if (!current && !previous && !late_question) {
     ++counters_.stale_answers;
-    if (s != nullptr && answer.incarnation == s->incarnation && is_recent(s->unanswered, answer.nonce, now))
-      s->answered_late = now;
     return;
   }
   if (s->incarnation == 0 || answer.incarnation != s->incarnation) observe(*s, now);
@@ -418,7 +434,8 @@ void RingMonitor::on_answer(std::string_view subject, const CheckAnswer& answer,
                                         : current     ? s->asked_at
                                                       : s->suspected_asked_at);
   if (late_question) ++counters_.late_answers;
-  s->unanswered.clear();
+  // Those asked since may be answered just as late.
+  std::erase_if(s->unanswered, [&](const Asked& a) { return !late_question || a.at <= *late_question; });
   s->excused_from.reset();
   s->nonce = 0;
   s->suspected = 0;
@@ -443,14 +460,14 @@ void RingMonitor::on_answer(std::string_view subject, const CheckAnswer& answer,
 }
 
 /// When the question of this answer was asked, if it comes late only because its node, or this one, waited
-/// for a CPU.
+/// for a CPU, or no later than this node hears itself.
 std::optional<MonotonicTime> RingMonitor::find_late_question(Subject& s, std::uint64_t nonce,
                                                              MonotonicTime now) {
   const auto asked = std::find_if(s.unanswered.begin(), s.unanswered.end(),
                                   [&](const Asked& a) { return a.nonce == nonce; });
   if (nonce == 0 || asked == s.unanswered.end()) return std::nullopt;
   note_cpu(s, now);
-  const nanoseconds in_time = patience_.period + tolerance() + held_up_since(asked->at);
+  const nanoseconds in_time = patience_.period + tolerance() + held_up_since(asked->at) + own_delay_;
   if (now - asked->at - s.cpu.since(asked->at).any_waited > in_time) return std::nullopt;
   return asked->at;
 }
@@ -800,6 +817,8 @@ void RingMonitor::on_membership(Membership membership, MonotonicTime now) {
   last_asked_ = now;
   not_asked_ = false;
   self_nonce_ = 0;
+  self_failures_ = 0;
+  asked_self_.clear();
   review_watch(now);
 }
 

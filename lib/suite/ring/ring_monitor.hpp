@@ -231,8 +231,7 @@ class RingMonitor {
     MonotonicTime suspected_asked_at;
     MonotonicTime ask_from;
     std::deque<Asked> unanswered;  ///< older ones, of which an answer may come late for want of a CPU
-    std::optional<MonotonicTime> answered_late;  ///< when the last answer came that was too late to count
-    std::string wrong;                           ///< what the answers to the check that is out got wrong
+    std::string wrong;             ///< what the answers to the check that is out got wrong
     // Evidence, in a row.
     int misses = 0;
     int wrong_in_row = 0;
@@ -308,10 +307,12 @@ class RingMonitor {
   MonotonicTime last_not_asked_;
   bool not_asked_ = false;
   std::uint64_t self_nonce_ = 0;
-  int self_failures_ = 0;         ///< in a row
+  int self_failures_ = 0;  ///< in a row
+  MonotonicTime failing_since_;
   std::deque<Asked> asked_self_;  ///< without an answer
-  enum class Hears : std::uint8_t { unknown, late, in_time };
-  Hears hears_itself_ = Hears::unknown;  ///< the last time that it did
+  bool heard_itself_ = false;     ///< ever
+  /// How late this node heard itself last, as on a slow machine; zero: within a period.
+  nanoseconds own_delay_{0};
   bool exiting_ = false;
   struct HeldUp {
     MonotonicTime until;
@@ -319,7 +320,7 @@ class RingMonitor {
     nanoseconds waited;  ///< of it, for a CPU
   };
   /// @param part  of one time, at most what lies after @p since counts
-  [[nodiscard]] static bool is_recent(const std::deque<Asked>& asked, std::uint64_t nonce, MonotonicTime now);
+  void count_misses_before(MonotonicTime asked, MonotonicTime now);
   /// Failed checks of itself in a row with which this node takes itself for deaf.
   [[nodiscard]] int self_failures_at_most() const;
   [[nodiscard]] nanoseconds sum_since(MonotonicTime since, nanoseconds (*part)(const HeldUp&)) const;
