@@ -235,10 +235,10 @@ class TypedReader final : public ReaderEndpoint {
   void handle(const dds::SampleInfo& info, MonotonicTime now) {
     if (!info.valid_data) return;
     const auto gap = count_gap(info.sample_identity);
-    if (gap && gap_callback_)
-      gap_callback_({now, info.sample_identity, info.related_sample_identity}, gap->first, gap->last);
     const bool shared = of_limited_.all || of_limited_.author != nullptr;
     if (!admit(info.sample_identity, shared)) return;
+    if (gap && gap_callback_)
+      gap_callback_({now, info.sample_identity, info.related_sample_identity}, gap->first, gap->last);
     if (!sample_.well_formed) {
       ++stats_.malformed;
       return;

@@ -31,6 +31,16 @@ void print_line(const Json& line) {
   std::fflush(stdout);
 }
 
+/// From now on losses of its topic are told, too.
+template <class M>
+void tell_losses(ros::Subscription<M>& subscription) {
+  subscription.on_lost([topic = subscription.topic_name()](MonotonicTime received, std::uint64_t messages) {
+    Json j = begin("lost", received);
+    j.update({{"topic", topic}, {"messages", messages}});
+    print_line(j);
+  });
+}
+
 Json describe(const m::TimeTick& t, MonotonicTime at) {
   Json j = begin("tick", at);
   j.update({{"cycle", t.cycle},
@@ -155,11 +165,7 @@ int record(const Target& target, seconds duration) {
     auto subscription = std::make_shared<ros::Subscription<M>>(
         executor, **participant, topic,
         [](const M& message, const ros::MessageInfo& info) { print_line(describe(message, info.received)); });
-    subscription->on_lost([name = topic.name](MonotonicTime received, std::uint64_t messages) {
-      Json j = begin("lost", received);
-      j.update({{"topic", name}, {"messages", messages}});
-      print_line(j);
-    });
+    tell_losses(*subscription);
     kept.push_back(std::move(subscription));
   };
   listen(topics::time_tick);
@@ -180,13 +186,15 @@ int record(const Target& target, seconds duration) {
     if (node.name.starts_with("payload")) listen(topics::activity(node.name));
     using Transition = lifecycle_msgs::msg::TransitionEvent;
     const ros::Topic<Transition> topic{"/" + node.name + "/transition_event", {}};
-    kept.push_back(std::make_shared<ros::Subscription<Transition>>(
+    auto subscription = std::make_shared<ros::Subscription<Transition>>(
         executor, **participant, topic,
         [name = node.name](const Transition& t, const ros::MessageInfo& info) {
           Json j = begin("lifecycle", info.received);
           j.update({{"node", name}, {"from", t.start_state.label}, {"to", t.goal_state.label}});
           print_line(j);
-        }));
+        });
+    tell_losses(*subscription);
+    kept.push_back(std::move(subscription));
   }
   const auto watch = executor.add_fd(signals.get(), EPOLLIN, [&](std::uint32_t) { executor.stop(); });
   print_line(Json{{"type", "recording"}, {"domain", *domain}});

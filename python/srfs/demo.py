@@ -472,6 +472,7 @@ class Demo:
                                           "max": ttc.get("acceptance_latency_max_us")},
                 "next_slot_by_can_frame": self.next_slot_measure(slot_facts),
                 "overlapping_grants": self.rotation.overlaps(),
+                "ends_lost_by_the_recorder": self.rotation.undecided(),
                 "skipped_slots": {"bus_held": blocked, "unexplained": unexplained},
                 "recorded": {"ticks": len(self.rotation.ticks), "missed_ticks": self.rotation.missed_ticks(), "slots": self.rotation.slots()},
                 "pss_kib": self.flight.memory_kib(),
@@ -575,7 +576,7 @@ class Demo:
                  ["last octet to 1,1, p50 / p99", f"{us(m['acceptance_latency_us']['p50'])} / {us(m['acceptance_latency_us']['p99'])} ms", "in ttc, upper bounds"],
                  ["next slot by CAN frame", f"{slot['in_next_slot']} of {slot['checked']}" if slot else "-",
                   f"octets on the line to CAN frame at most {slot['longest_ms']:.0f} ms" if slot and slot["longest_ms"] else ""],
-                 ["overlapping grants", f"{m['overlapping_grants']}", ""],
+                 ["overlapping grants", f"{m['overlapping_grants']}", f"{m['ends_lost_by_the_recorder']} undecided" if m["ends_lost_by_the_recorder"] else ""],
                  ["skipped slots", f"{m['skipped_slots']['unexplained']}", f"and {m['skipped_slots']['bus_held']} while the bus was held"]]  # fmt: skip
         rows += [["memory (PSS)", "-" if kib is None else f"{kib / 1024:.1f} MiB", node] for node, kib in m["pss_kib"].items()]
         for text in table(rows)[1:]:

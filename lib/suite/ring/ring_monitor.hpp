@@ -152,7 +152,7 @@ class RingMonitor {
     std::uint64_t stale_answers = 0;  ///< unknown or old nonce, or from a node not asked
     std::uint64_t wrong_answers = 0;  ///< another incarnation, or an impossible state
     std::uint64_t void_rounds = 0;    ///< this node's own timer was late
-    std::uint64_t late_answers = 0;   ///< right, and late for want of a CPU
+    std::uint64_t late_answers = 0;   ///< right, and late for want of a CPU or on a slow machine
     std::uint64_t void_checks = 0;    ///< its check of itself was not answered, or the generations differ
     std::uint64_t failed_self_checks = 0;
   };

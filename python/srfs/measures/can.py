@@ -83,7 +83,7 @@ def fly(bin_dir, tick_ms, duration_s, fifo=False):
         slots = [s for s in rotation.recorded_slots() if began * 1e9 <= s["published"] <= ended * 1e9]
         frames = can_frames.computer_frames(flight.can_log(int(ended * 1e9)))
         ticks = dict(rotation.published_ticks())
-        overlaps = rotation.overlaps()
+        overlaps, undecided = rotation.overlaps(), rotation.undecided()
     used = [s for s in slots if s["holder"] and s["status"] == "released"]
     flag, frame, whole = switch_times([s for s in slots if s["holder"]], ticks, frames)
     waits = [b["published"] - a["released"] for a, b in zip(slots, slots[1:]) if a["holder"] and b["holder"] and a["released"]]
@@ -94,6 +94,7 @@ def fly(bin_dir, tick_ms, duration_s, fifo=False):
         "used": len(used),
         "bus_utilisation": round((busy_after - busy_before) / 1e6 / (ended - began), 4),
         "overlaps": overlaps,
+        "ends_lost_by_the_recorder": undecided,
         "slot_start_behind_tick_us": spread(flag),
         "slot_start_jitter_us": round(statistics.pstdev(flag) / 1000, 1) if flag else None,
         "flag_to_first_frame_us": spread(frame),

@@ -15,7 +15,7 @@ class Rotation:
         self.grants = {}  # (switcher incarnation, grant counter) -> dict
         self.flag_latencies_us = []  # tick published -> flag received, both as the recorder sees them
         self.several_flags = 0  # messages with more than one flag true
-        self.lost_statuses = 0  # messages on /BUS/bus_status for which the recorder was too slow
+        self.lost_statuses = []  # (when, messages) on /BUS/bus_status for which the recorder was too slow
         self.telecommands = {}  # id -> dict of target, at, {stage: time}
         self.last_slot = None
         self._tick_published = {}
@@ -60,7 +60,7 @@ class Rotation:
 
     def _on_lost(self, m):
         if m["topic"].endswith("/bus_status"):
-            self.lost_statuses += m["messages"]
+            self.lost_statuses.append((m["at_ns"], m["messages"]))
 
     def _on_telecommand(self, m):
         self.telecommands.setdefault(m["id"], {"target": m["target"], "at": m["at_ns"], "stages": {}})
@@ -93,13 +93,28 @@ class Rotation:
         ordered = self._ordered()
         return [grant for grant in ordered[:-1] if grant["holder"] == payload and grant["status"] not in ("released", "not used")]
 
-    def overlaps(self):
-        """Grants given while the holder before had neither released nor lost its lease. An end that was not recorded is no overlap as long as
-        the recorder lost as many messages: the frames on the bus tell then."""
-        ordered = self._ordered()
+    def overlaps(self, until=None):
+        """Grants given while the holder before had neither released nor lost its lease. until: of those before this time alone.
+
+        An end that was not recorded is no overlap if the recorder lost a message after the grant, one for each such end (undecided()). It knows
+        of a loss with the next message of the same payload."""
+        early, excused = self._early_grants(until)
+        return self.several_flags + len(early) - excused
+
+    def undecided(self):
+        """Grants of which the recorder lost the end: only the frames on the bus show whether they overlap the next one."""
+        return self._early_grants(None)[1]
+
+    def _early_grants(self, until):
+        """(grants whose end was not recorded before the next one, how many of these are excused)"""
+        ordered = [grant for grant in self._ordered() if until is None or grant["published"] < until]
         early = [before for before, after in zip(ordered, ordered[1:]) if after["published"] < min(before["lease_end"], before["released"] or before["lease_end"])]
-        without_end = sum(1 for grant in early if grant["released"] is None)
-        return self.several_flags + len(early) - min(without_end, self.lost_statuses)
+        waiting = [grant["published"] for grant in early if grant["released"] is None]
+        missing = len(waiting)
+        for at, messages in list(self.lost_statuses):
+            covered = [published for published in waiting if published < at][:messages]
+            waiting = waiting[len(covered):]
+        return early, missing - len(waiting)
 
     def skipped(self):
         """(with cause, without): recorded ticks without a grant, the cause being a bus that was still held."""

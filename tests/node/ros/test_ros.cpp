@@ -72,6 +72,11 @@ TEST_F(RosTest, WhatTheHistoryDroppedIsCountedAsLost) {
   Subscription<TaskFlags> subscription(
       executor_, *there_, flags_topic,
       [&](const TaskFlags& m, const MessageInfo&) { got.push_back(m.cycle); });
+  std::uint64_t told = 0;
+  subscription.on_lost([&](MonotonicTime, std::uint64_t messages) {
+    told += messages;
+    EXPECT_NE(got.back(), 40U) << "before the message that shows it";
+  });
   ASSERT_TRUE(
       wait([&] { return publisher.subscription_count() == 1 && subscription.publisher_count() == 1; }));
   TaskFlags first;
@@ -86,6 +91,7 @@ TEST_F(RosTest, WhatTheHistoryDroppedIsCountedAsLost) {
   }
   ASSERT_TRUE(wait([&] { return !got.empty() && got.back() == 40; }));
   EXPECT_EQ(got.size() + subscription.stats().lost, 41U);
+  EXPECT_EQ(told, subscription.stats().lost);
 }
 
 TEST_F(RosTest, AMessageBeyondItsBoundsIsRefusedAndCounted) {

@@ -80,13 +80,19 @@ class FailedSlotsTest(unittest.TestCase):
                                         "status": "released" if released else None, "released": number * S + 50 * MS if released else None,
                                         "used_us": None}  # fmt: skip
 
+        def lost(topic, at, messages):
+            seen.on_message({"type": "lost", "at_ns": at, "topic": topic, "messages": messages})
+
         self.assertEqual(seen.overlaps(), 2, "nothing was lost, so the ends were not said")
-        seen.on_message({"type": "lost", "at_ns": 5 * S, "topic": "/can/task_flags", "messages": 7})
+        lost("/can/task_flags", 5 * S, 7)
         self.assertEqual(seen.overlaps(), 2, "flags were lost, not ends")
-        seen.on_message({"type": "lost", "at_ns": 5 * S, "topic": "/can/bus_status", "messages": 1})
-        self.assertEqual(seen.overlaps(), 1, "one end may have been in the lost message, not two")
-        seen.on_message({"type": "lost", "at_ns": 6 * S, "topic": "/can/bus_status", "messages": 2})
-        self.assertEqual(seen.overlaps(), 0)
+        lost("/can/bus_status", 1 * S, 7)
+        self.assertEqual(seen.overlaps(), 2, "the loss was before these grants")
+        lost("/can/bus_status", 3 * S, 7)
+        self.assertEqual((seen.overlaps(), seen.undecided()), (1, 1), "one end may have been among them, the other grant came later")
+        self.assertEqual(seen.overlaps(until=4 * S), 0)
+        lost("/can/bus_status", 5 * S, 1)
+        self.assertEqual((seen.overlaps(), seen.undecided()), (0, 2))
 
 
 if __name__ == "__main__":
