@@ -191,7 +191,7 @@ void RingMonitor::skip_round(MonotonicTime now) {
   not_asked_ = false;
   self_nonce_ = 0;
   self_failures_ = 0;
-  asked_self_.clear();
+  if (own_delay_ == nanoseconds(0)) asked_self_.clear();
   for (Subject& s : subjects_) s.suspected = 0;
 }
 
@@ -231,7 +231,7 @@ void RingMonitor::conclude_round(MonotonicTime now, nanoseconds waited) {
 /// In rounds, for only those count in which it had a CPU. A slow node is not deaf: its own answer may be on
 /// the way, or its endpoints may not have found each other yet.
 int RingMonitor::self_failures_at_most() const {
-  const bool starts = !heard_itself_ && failing_since_ - begun_ < patience_.start_deadline;
+  const bool starts = failing_since_ - begun_ < patience_.start_deadline;
   const bool is_slow = own_delay_ > nanoseconds(0);
   const milliseconds patience = starts    ? patience_.start_deadline
                                 : is_slow ? RingPatience::deaf
@@ -251,7 +251,11 @@ void RingMonitor::ask(MonotonicTime now, bool doubt) {
     actions_.emplace_back(Ask{s.name, s.nonce});
   }
   self_nonce_ = 0;
-  if (!doubt && own_delay_ == nanoseconds(0)) return;
+  if (subjects_.empty()) own_delay_ = nanoseconds(0);
+  if (!doubt && own_delay_ == nanoseconds(0)) {
+    self_failures_ = 0;
+    return;
+  }
   self_nonce_ = next_nonce();
   asked_self_.push_back({self_nonce_, now});
   if (asked_self_.size() > most_unanswered) asked_self_.pop_front();
@@ -269,8 +273,11 @@ void RingMonitor::on_self_answer(std::uint64_t nonce, MonotonicTime now) {
   const bool is_current = nonce == self_nonce_;
   asked_self_.erase(asked_self_.begin(), asked + 1);
   self_failures_ = 0;
-  heard_itself_ = true;
-  own_delay_ = is_current ? nanoseconds(0) : now - asked_at;
+  const nanoseconds delay = is_current ? nanoseconds(0) : now - asked_at - held_up_since(asked_at);
+  if (delay >= own_delay_ || now - own_delay_at_ >= RingPatience::deaf) {
+    own_delay_ = std::max(delay, nanoseconds(0));
+    own_delay_at_ = now;
+  }
   if (!is_current) {
     ++counters_.late_answers;
     count_misses_before(asked_at, now);
@@ -291,12 +298,13 @@ void RingMonitor::on_self_answer(std::uint64_t nonce, MonotonicTime now) {
   review_watch(now);
 }
 
-/// This node has heard what came before the answer to its own question of @p asked. Who was asked a period
-/// before that has had as long as this node takes to hear itself, and a period.
+/// This node has heard what came before the answer to its own question of @p asked. Who was asked in a round
+/// before that has had as long as this node takes to hear itself. Once a round: answers come in bursts.
 void RingMonitor::count_misses_before(MonotonicTime asked, MonotonicTime now) {
+  if (std::exchange(misses_counted_, last_period_) == last_period_) return;
   for (Subject& s : subjects_) {
     const auto last = std::find_if(s.unanswered.rbegin(), s.unanswered.rend(),
-                                   [&](const Asked& a) { return a.at + patience_.period <= asked; });
+                                   [&](const Asked& a) { return a.at < asked; });
     if (last == s.unanswered.rend()) continue;
     s.suspected_asked_at = last->at;
     count_miss(s, now);
@@ -486,7 +494,9 @@ void RingMonitor::judge_fields(Subject& s, const CheckAnswer& answer, MonotonicT
   // An age of its own time, which one answer proves: the next may come late from a node behind all others.
   const bool flows = answer.worker_busy <= answer.worker_deadline + patience_.misses * patience_.period;
   s.work_done = answer.work_done;
-  const auto count = [](int& in_row, bool fine) { in_row = fine ? 0 : in_row + 1; };
+  // Once a round: late answers come in bursts.
+  const bool is_new = std::exchange(s.fields_counted, last_period_) != last_period_;
+  const auto count = [is_new](int& in_row, bool fine) { in_row = fine ? 0 : in_row + (is_new ? 1 : 0); };
   count(s.not_checking_in_row, checks);
   count(s.not_working_in_row, works);
   if (checks && works && flows) {

@@ -240,6 +240,7 @@ class RingMonitor {
     int large_in_row = 0;
     int overdue_in_row = 0;
     int busy_in_row = 0;
+    MonotonicTime fields_counted;  ///< round of the last answer whose fields count in a row
     std::optional<std::uint32_t> work_done;
     CpuHistory cpu;  ///< of this process
     bool real_time = false;
@@ -310,19 +311,21 @@ class RingMonitor {
   int self_failures_ = 0;  ///< in a row
   MonotonicTime failing_since_;
   std::deque<Asked> asked_self_;  ///< without an answer
-  bool heard_itself_ = false;     ///< ever
-  /// How late this node heard itself last, as on a slow machine; zero: within a period.
+  /// How long this node took to hear itself lately (the longest time), on a slow machine; zero: within a
+  /// period.
   nanoseconds own_delay_{0};
+  MonotonicTime own_delay_at_;
+  MonotonicTime misses_counted_;  ///< round in which that was done last for a late answer to itself
   bool exiting_ = false;
   struct HeldUp {
     MonotonicTime until;
     nanoseconds duration;
     nanoseconds waited;  ///< of it, for a CPU
   };
-  /// @param part  of one time, at most what lies after @p since counts
   void count_misses_before(MonotonicTime asked, MonotonicTime now);
   /// Failed checks of itself in a row with which this node takes itself for deaf.
   [[nodiscard]] int self_failures_at_most() const;
+  /// @param part  of one time, at most what lies after @p since counts
   [[nodiscard]] nanoseconds sum_since(MonotonicTime since, nanoseconds (*part)(const HeldUp&)) const;
   std::deque<HeldUp> held_up_;
   Counters counters_;

@@ -81,7 +81,7 @@ class RingMonitorTest : public testing::Test {
 
   /// Its downstream hangs, so it checks itself; it heard itself before, and hears nothing from now on.
   void doubt_itself() {
-    round();
+    rounds(40);
     others_["b"].answers = false;
     rounds(2);
     hang("b");
@@ -587,6 +587,54 @@ TEST_F(RingMonitorTest, ExitsAsSoonAsEverWhenItWasNeverInDoubtForLong) {
   EXPECT_EQ(exits_, 0);
   rounds(1);
   EXPECT_EQ(exits_, 1);
+}
+
+TEST_F(RingMonitorTest, ACheckOfItselfThatFailedInItsStartDoesNotCountHoursLater) {
+  hang("b");
+  hears_itself_ = false;
+  rounds(3);
+  come_up("b");
+  rounds(100);
+  hang("b");
+  rounds(7);
+  EXPECT_EQ(exits_, 0);
+  rounds(1);
+  EXPECT_EQ(exits_, 1);
+}
+
+TEST_F(RingMonitorTest, OnASlowMachineABurstOfItsOwnAnswersIsOneMiss) {
+  round();
+  slow_rounds(50, 5);
+  hang("b");
+  slow_rounds(1, 10);  // nothing comes any more
+  slow_rounds(4, 10);
+  const auto before = reported(LivenessVerdict::miss);
+  for (const std::uint64_t nonce : asked_itself_) monitor_->on_self_answer(nonce, now_);
+  drain();
+  EXPECT_EQ(reported(LivenessVerdict::miss), before + 1);
+  EXPECT_THAT(accusations_, IsEmpty());
+}
+
+TEST_F(RingMonitorTest, OnASlowMachineABurstOfAnswersCountsItsUndoneWorkOnce) {
+  round();
+  slow_rounds(50, 5);
+  others_["b"].answer.oldest_due = seconds(60);
+  for (const auto& ask : asked_) answer(ask);
+  EXPECT_THAT(accusations_, IsEmpty());
+  asked_.clear();
+  slow_rounds(12, 5);
+  EXPECT_THAT(accused(), ElementsAre("b: not working"));
+}
+
+TEST_F(RingMonitorTest, OnASlowMachineANodeWithoutOthersAsksItselfNoMore) {
+  round();
+  slow_rounds(50, 5);
+  monitor_->on_membership(Membership{}, now_);
+  drain();
+  const int checks = self_checks_;
+  rounds(50);
+  EXPECT_EQ(self_checks_, checks);
+  EXPECT_EQ(exits_, 0);
 }
 
 TEST_F(RingMonitorTest, OnASlowMachineItTakesNeitherItselfNorOthersForDeaf) {
