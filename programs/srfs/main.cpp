@@ -628,7 +628,8 @@ void add_new(CLI::App& app, NewOrder& order, CommandLine& line) {
   add("interfaces", "A package of ROS 2 interfaces, for nodes of SRFS and for a ROS 2 workspace",
       "Folder that gets the new one", new_interfaces)
       ->check(CLI::ExistingDirectory);
-  add("telecommand", "A telecommand with its handler and its test, for a node that `srfs new node` wrote",
+  add("telecommand",
+      "A telecommand with its handler and its test, for a node or a payload that `srfs new` wrote",
       "Folder of the node", new_telecommand)
       ->check(CLI::ExistingDirectory);
 }

@@ -7,6 +7,7 @@
 #include <unistd.h>
 
 #include <algorithm>
+#include <optional>
 #include <vector>
 
 #include <fmt/format.h>
@@ -597,8 +598,88 @@ fs::path file_with(const fs::path& folder, std::string_view end, std::string_vie
                   folder.string(), end, text));
 }
 
+/// Throws ConfigError when the mission does not fit with this dictionary of one of its payloads.
+void check_with(const fs::path& home, const fs::path& payload, const std::string& dictionary) {
+  const NewFiles files(home);
+  const fs::path view = files.folder() / "view";
+  fs::create_directory(view);
+  for (const auto& entry : fs::directory_iterator(home))
+    if (entry.path() != files.folder() && entry.path().filename() != payload.filename())
+      fs::create_symlink(entry.path(), view / entry.path().filename());
+  write(view / payload.filename() / "dictionary.yaml", dictionary);
+  static_cast<void>(mission::Dictionary::load(view));
+}
+
+/// @param profile  the payload's NAME_profile.cpp
+int write_peripheral_command(const Target& target, const NewOrder& order, const fs::path& profile) {
+  const fs::path folder = profile.parent_path();
+  const fs::path home = folder.parent_path();
+  if (!fs::exists(home / "mission.yaml"))
+    throw ConfigError(fmt::format("{} is no mission: it has no mission.yaml", home.string()));
+  const fs::path dictionary_file = folder / "dictionary.yaml";
+  const mission::Fragment fragment{dictionary_file.string(), text_of(dictionary_file)};
+  const auto node = fragment.node();
+  if (!node) throw ConfigError(fmt::format("{}: it names no node", dictionary_file.string()));
+  const auto dictionary = mission::Dictionary::load(mission_of(target, home).dictionary);
+  const std::string prefix = prefix_of(dictionary, *node);
+  const std::string command = prefix + "." + order.name;
+  if (dictionary.command(command) != nullptr)
+    throw ConfigError(fmt::format("there is a telecommand '{}' already: choose another name", command));
+  const std::uint16_t function = free_function(dictionary, *node);
+  const unsigned peripheral_function = free_peripheral_function(dictionary, *node);
+
+  std::string stem = profile.stem();
+  stem.resize(stem.size() - std::string_view("_profile").size());
+  const fs::path model = folder / (stem + "_model.cpp");
+  const fs::path test = folder / "test" / fmt::format("test_{}.cpp", stem);
+  const Placeholders values{{"name", order.name},
+                            {"Name", camel(order.name)},
+                            {"prefix", prefix},
+                            {"node", *node},
+                            {"Command", camel(command)},
+                            {"Stem", camel(stem)},
+                            {"function", std::to_string(function)},
+                            {"peripheral_function", std::to_string(peripheral_function)}};
+  const auto part = [&](const char* name) {
+    return filled_template(templates_of("peripheral_command") / name, values);
+  };
+  const auto changed = with_peripheral_command({.dictionary = fragment.text,
+                                                .profile = {profile.string(), text_of(profile)},
+                                                .model = {model.string(), text_of(model)},
+                                                .test = {test.string(), text_of(test)}},
+                                               {.name = order.name,
+                                                .dictionary = part("dictionary.yaml.in"),
+                                                .profile_case = part("profile_case.cpp.in"),
+                                                .model_case = part("model_case.cpp.in"),
+                                                .handler = part("handler.cpp.in"),
+                                                .member = part("member.cpp.in"),
+                                                .test = part("test.cpp.in")});
+  if (!changed) throw ConfigError(changed.error());
+  check_with(home, folder, changed->dictionary);
+  replace_files({changed->profile, changed->model, changed->test, {dictionary_file, changed->dictionary}},
+                [] {});
+  return show(
+      {.node = *node,
+       .folder = folder,
+       .files = {"dictionary.yaml", profile.filename(), model.filename(), "test/" + test.filename().string()},
+       .numbers = {{"telecommand", command},
+                   {"function", function},
+                   {"peripheral_function", peripheral_function}},
+       .next = build_commands(build_place_of(folder), *node)},
+      order.json);
+}
+
+/// That of a payload; nullopt: the folder is another node's.
+std::optional<fs::path> profile_in(const fs::path& folder) {
+  std::error_code ec;
+  for (const auto& entry : fs::directory_iterator(folder, ec))
+    if (entry.path().filename().string().ends_with("_profile.cpp")) return entry.path();
+  return std::nullopt;
+}
+
 int write_telecommand(const Target& target, const NewOrder& order) {
   const fs::path folder = folder_of(order.in);
+  if (const auto profile = profile_in(folder)) return write_peripheral_command(target, order, *profile);
   const fs::path fragment_file = folder / "dictionary.yaml";
   const mission::Fragment fragment{fragment_file.string(), text_of(fragment_file)};
   const auto node = fragment.node();

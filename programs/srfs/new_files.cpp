@@ -126,6 +126,26 @@ Result<std::string, std::string> with_text_at_end(std::string source, std::strin
   return source.insert(at, text);
 }
 
+/// Before the `default:` of `switch (function)`.
+Result<std::string, std::string> with_case(std::string source, const std::string& entry) {
+  const std::size_t begin = source.find("switch (function) {");
+  const std::size_t end = begin == std::string::npos ? begin : source.find("default:", begin);
+  if (end == std::string::npos) return Err(std::string("no 'switch (function) {' with a 'default:'"));
+  return source.insert(source.rfind('\n', end) + 1, entry);
+}
+
+/// The handler and the member in the private part of the model's class.
+Result<std::string, std::string> with_handler(std::string model, const PeripheralCommandTexts& texts) {
+  if (has_word(model, texts.name + "_"))
+    return Err(fmt::format("it has a member '{}_' already: choose another name", texts.name));
+  constexpr std::string_view key = "\n private:\n";
+  const std::size_t begin = model.find(key);
+  const std::size_t end = begin == std::string::npos ? begin : model.find("\n};", begin);
+  if (end == std::string::npos) return Err(std::string("no class with ' private:'"));
+  model.insert(end + 1, texts.member);
+  return model.insert(begin + key.size(), texts.handler);
+}
+
 /// At the end of the list in brackets: `key: [a, b]`.
 Result<std::string, std::string> with_element(std::string yaml, const std::string& key,
                                               const std::string& element) {
@@ -244,6 +264,24 @@ Result<CommandedFolder, std::string> with_command(CommandedFolder folder, const 
   return folder;
 }
 
+Result<CommandedPayload, std::string> with_peripheral_command(CommandedPayload folder,
+                                                              const PeripheralCommandTexts& texts) {
+  folder.dictionary = with_entry(std::move(folder.dictionary), "commands", texts.dictionary);
+  auto profile = with_case(std::move(folder.profile.text), texts.profile_case);
+  if (!profile) return Err(fmt::format("{}: {}", folder.profile.name, profile.error()));
+  auto model = with_case(std::move(folder.model.text), texts.model_case).and_then([&](std::string text) {
+    return with_handler(std::move(text), texts);
+  });
+  if (!model) return Err(fmt::format("{}: {}", folder.model.name, model.error()));
+  auto test =
+      with_text_at_end(std::move(folder.test.text), "}  // namespace\n}  // namespace srfs\n", texts.test);
+  if (!test) return Err(fmt::format("{}: {}", folder.test.name, test.error()));
+  folder.profile.text = std::move(*profile);
+  folder.model.text = std::move(*model);
+  folder.test.text = std::move(*test);
+  return folder;
+}
+
 Result<PeripheralPlace, std::string> free_place(const std::vector<PeripheralPlace>& taken) {
   constexpr int first_address = 0x21;
   constexpr int lines = 8;
@@ -285,6 +323,17 @@ std::uint16_t free_function(const mission::Dictionary& dictionary, std::string_v
   const mission::ApplicationProcess* process = dictionary.apid_of_node(node);
   std::uint16_t function = 1;
   while (process != nullptr && dictionary.function(process->apid, function) != nullptr) ++function;
+  return function;
+}
+
+std::uint8_t free_peripheral_function(const mission::Dictionary& dictionary, std::string_view node) {
+  const auto is_taken = [&](std::uint8_t function) {
+    return std::any_of(dictionary.commands().begin(), dictionary.commands().end(), [&](const auto& command) {
+      return command.node == node && command.peripheral_function == function;
+    });
+  };
+  std::uint8_t function = 1;
+  while (function < UINT8_MAX && is_taken(function)) ++function;
   return function;
 }
 

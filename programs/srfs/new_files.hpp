@@ -74,6 +74,29 @@ struct CommandTexts {
 [[nodiscard]] Result<CommandedFolder, std::string> with_command(CommandedFolder folder,
                                                                 const CommandTexts& texts);
 
+/// The texts of a payload's folder that a telecommand to its peripheral is added to.
+struct CommandedPayload {
+  std::string dictionary;  ///< dictionary.yaml
+  ChangedFile profile;     ///< the one with decode_command()
+  ChangedFile model;       ///< the one with execute()
+  ChangedFile test;
+};
+/// What is put in.
+struct PeripheralCommandTexts {
+  std::string name;  ///< becomes a member of the model
+  std::string dictionary;
+  std::string profile_case;
+  std::string model_case;
+  std::string handler;
+  std::string member;
+  std::string test;
+};
+/// The folder with the telecommand in it: at the end of `commands`, before the `default:` of both switches,
+/// at the begin and the end of the model's private part, at the end of the test.
+/// @return which file has no place for it
+[[nodiscard]] Result<CommandedPayload, std::string> with_peripheral_command(
+    CommandedPayload folder, const PeripheralCommandTexts& texts);
+
 /// Where a payload's peripheral is: its CAN address, the line of its power switch.
 struct PeripheralPlace {
   int can_address = 0;
@@ -95,6 +118,9 @@ struct MissionFolder {
 
 /// The lowest function id that no command of the node has.
 [[nodiscard]] std::uint16_t free_function(const mission::Dictionary& dictionary, std::string_view node);
+/// The lowest number that none of its telecommands has at the node's peripheral.
+[[nodiscard]] std::uint8_t free_peripheral_function(const mission::Dictionary& dictionary,
+                                                    std::string_view node);
 /// What the node's names on the link begin with ("impact" of "impact.clear"); the node's name if it has none.
 [[nodiscard]] std::string prefix_of(const mission::Dictionary& dictionary, std::string_view node);
 

@@ -216,6 +216,21 @@ class NewTest(SystemTest):
             self.assertIn(why, answer["error"])
         code, answer = self.new("telecommand", "go", folder=self.mine)
         self.assertEqual(code, 1, answer)
+
+        mission = self.folder / "my_mission"
+        payload = mission / "payload_one"
+        self.new("payload", "one", folder=mission)
+        for number, name in enumerate(("go", "stop"), start=2):
+            answer = self.new("telecommand", name, folder=payload)[1]
+            self.assertEqual(answer["numbers"], {"telecommand": f"one.{name}", "function": number, "peripheral_function": number})
+            self.assertEqual(set(answer["files"]), {"dictionary.yaml", "one_profile.cpp", "one_model.cpp", "test/test_one.cpp"})
+        of_mission = files_of(mission)
+        for name, why in (("go", "already"), ("pulses", "member 'pulses_'"), ("Go", "lower-case")):
+            code, answer = self.new("telecommand", name, folder=payload)
+            self.assertEqual(code, 1, answer)
+            self.assertIn(why, answer["error"])
+        self.assertEqual(files_of(mission), of_mission)
+        self.assertEqual(sorted(p.name for p in mission.iterdir() if p.name.startswith(".")), [])
         shutil.copytree(ROOT / "examples/image_straylight", self.folder / "method")
         code, answer = self.new("telecommand", "go", folder=self.folder / "method")
         self.assertIn("CommandSet", answer["error"])

@@ -79,12 +79,14 @@ class InTheTreeTest(OverlayTest):
 
 class PayloadInTheTreeTest(OverlayTest):
     def test_a_payload_with_a_telecommand_of_its_own_is_built_tested_and_flown(self):
-        self.build_and_test(self.new("payload", "radiation", ROOT / "mission"))
+        self.new("payload", "radiation", ROOT / "mission")
+        self.build_and_test(self.new("telecommand", "set_gain", ROOT / "mission/payload_radiation"))
         self.do("cmake", "--build", BIN.parent, "--target", "programs")  # as ./run sim does
         with self.flight("sim") as flight:
             ground = flight.ground()
             self.assertIsNotNone(ground.housekeeping("payload_radiation", DEADLINE_S, matches=lambda f: f["threshold_v"] == 0.5))
             self.complete(ground, "tc radiation.set_threshold threshold_v=1")
+            self.complete(ground, "tc radiation.set_gain value=5")
             self.assertIsNotNone(ground.housekeeping("payload_radiation", DEADLINE_S, matches=lambda f: f["threshold_v"] == 1))
             self.assertIsNotNone(ground.housekeeping("payload_radiation_work", DEADLINE_S, matches=lambda f: f["state"] == "active"))
             flight.control({"peripheral": "radiation", "fault": "burst"})

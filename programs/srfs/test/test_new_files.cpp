@@ -10,6 +10,7 @@
 namespace srfs::tool {
 namespace {
 
+using ::testing::AllOf;
 using ::testing::HasSubstr;
 
 const std::string mission_folder = SRFS_SOURCE_DIR "/mission";
@@ -160,6 +161,57 @@ TEST_F(WithCommand, RefusesANameWhoseMemberTheClassHas) {
   EXPECT_TRUE(with_command(folder, texts)) << "a part of a word is another word";
 }
 
+struct WithPeripheralCommand : ::testing::Test {
+  CommandedPayload folder{
+      .dictionary = "subsystem: x\ncommands:\n  - name: x.go\n",
+      .profile = {"x_profile.cpp",
+                  "  switch (function) {\n    case 1:\n    default:\n      return 0;\n  }\n"},
+      .model = {"x_model.cpp",
+                "class M {\n    switch (function) {\n      default:\n        return 0;\n    }\n\n private:\n"
+                "  int a_;\n};\n"},
+      .test = {"test_x.cpp", "namespace {\n}  // namespace\n}  // namespace srfs\n"}};
+  PeripheralCommandTexts texts{.name = "stop",
+                               .dictionary = "  - name: x.stop\n",
+                               .profile_case = "    case 2:\n",
+                               .model_case = "      case 3:\n",
+                               .handler = "  HANDLER\n",
+                               .member = "  MEMBER\n",
+                               .test = "TEST\n"};
+};
+
+TEST_F(WithPeripheralCommand, PutsEachPartWhereItsKindIs) {
+  const auto changed = with_peripheral_command(folder, texts);
+
+  ASSERT_TRUE(changed) << changed.error();
+  EXPECT_EQ(changed->dictionary, "subsystem: x\ncommands:\n  - name: x.go\n  - name: x.stop\n");
+  EXPECT_EQ(changed->profile.text,
+            "  switch (function) {\n    case 1:\n    case 2:\n    default:\n      return 0;\n  }\n");
+  EXPECT_EQ(changed->model.text,
+            "class M {\n    switch (function) {\n      case 3:\n      default:\n        return 0;\n    }\n\n"
+            " private:\n  HANDLER\n  int a_;\n  MEMBER\n};\n");
+  EXPECT_EQ(changed->test.text, "namespace {\nTEST\n}  // namespace\n}  // namespace srfs\n");
+}
+
+TEST_F(WithPeripheralCommand, NamesTheFileThatHasNoPlaceForIt) {
+  auto other = folder;
+  other.profile.text = "  if (function == 1) return 0;\n";
+  EXPECT_THAT(with_peripheral_command(other, texts).error(),
+              AllOf(HasSubstr("x_profile.cpp"), HasSubstr("switch (function)")));
+  other = folder;
+  other.model.text = "  if (function == 1) return 0;\n";
+  EXPECT_THAT(with_peripheral_command(other, texts).error(), HasSubstr("x_model.cpp"));
+  other.model.text = "struct M {\n  switch (function) {\n  default:\n  }\n};\n";
+  EXPECT_THAT(with_peripheral_command(other, texts).error(), HasSubstr("private"));
+  other = folder;
+  other.test.text = "";
+  EXPECT_THAT(with_peripheral_command(other, texts).error(), HasSubstr("test_x.cpp"));
+}
+
+TEST_F(WithPeripheralCommand, RefusesANameWhoseMemberTheModelHas) {
+  texts.name = "a";
+  EXPECT_THAT(with_peripheral_command(folder, texts).error(), HasSubstr("member 'a_'"));
+}
+
 struct WithPayload : ::testing::Test {
   MissionFolder mission{
       .build = {"CMakeLists.txt", "project(x)\nsrfs_add_simulator(hw_sim MODELS)\n"},
@@ -220,6 +272,16 @@ TEST(FreeFunction, IsTheLowestThatTheNodeDoesNotHave) {
   EXPECT_EQ(free_function(dictionary, "one"), 2);
   EXPECT_EQ(prefix_of(dictionary, "one"), "xone");
   EXPECT_EQ(prefix_of(dictionary, "no_such_node"), "no_such_node");
+}
+
+TEST(FreePeripheralFunction, IsTheLowestThatThePeripheralDoesNotHave) {
+  const auto dictionary = mission::Dictionary::load(mission_folder);
+  const std::uint8_t free = free_peripheral_function(dictionary, "payload_eps");
+  for (const mission::Command& command : dictionary.commands()) {
+    EXPECT_FALSE(command.node == "payload_eps" && command.peripheral_function == free) << command.name;
+  }
+  EXPECT_GT(free, 1);
+  EXPECT_EQ(free_peripheral_function(dictionary, "no_such_node"), 1);
 }
 
 }  // namespace
