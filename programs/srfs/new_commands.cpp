@@ -673,7 +673,9 @@ int write_peripheral_command(const Target& target, const NewOrder& order, const 
 std::optional<fs::path> profile_in(const fs::path& folder) {
   std::error_code ec;
   for (const auto& entry : fs::directory_iterator(folder, ec))
-    if (entry.path().filename().string().ends_with("_profile.cpp")) return entry.path();
+    if (entry.path().filename().string().ends_with("_profile.cpp") &&
+        text_of(entry.path()).find("::decode_command(") != std::string::npos)
+      return entry.path();
   return std::nullopt;
 }
 

@@ -58,7 +58,10 @@ class Campaign:
             under_way[self._ground.send(f"tc {self.telecommand(payload)}")] = now
 
     def all_ended(self):
-        return all(self._ends.copy().values())
+        """Whether every telecommand that was sent has its final stage, also those of which nothing came yet."""
+        ends = self._ends.copy()
+        sent = [line for under_way in self._under_way.values() for line in list(under_way)]
+        return all(ends.values()) and all(ends.get(line) for line in sent)
 
     def write_record(self, folder):
         write_messages(folder / "record.jsonl", self.messages)

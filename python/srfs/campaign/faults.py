@@ -223,6 +223,7 @@ class FaultCampaign(Campaign):
         self._accusations = []  # (time, subject, observer, class)
         self._processes = collections.defaultdict(list)  # node -> [(time first seen, pid)]
         self._telemetry = collections.defaultdict(list)  # application -> times of packets on the ground
+        self._sending = threading.Lock()
         self._enough = threading.Event()  # set: send no more telecommands
         self._quit = threading.Event()
         self._threads = []
@@ -263,8 +264,8 @@ class FaultCampaign(Campaign):
     def _command(self):
         while not self._quit.wait(COMMAND_PERIOD_S):
             for payload in PAYLOADS:
-                if not self._enough.is_set():
-                    with contextlib.suppress(MissionError, ValueError):
+                with self._sending, contextlib.suppress(MissionError, ValueError):
+                    if not self._enough.is_set():
                         self.send_telecommand(payload)
             with contextlib.suppress(OSError):
                 self.executions.ask()
@@ -302,7 +303,8 @@ class FaultCampaign(Campaign):
         return self
 
     def __exit__(self, kind, value, traceback):
-        self._enough.set()
+        with self._sending:  # none is on its way to the ground after this
+            self._enough.set()
         if kind is None:
             self._settle()
         self._quit.set()
