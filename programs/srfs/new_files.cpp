@@ -134,12 +134,12 @@ Result<std::string, std::string> with_case(std::string source, const std::string
   return source.insert(source.rfind('\n', end) + 1, entry);
 }
 
-/// The handler and the member in the private part of the model's class.
+/// The handler and the member in the private part of the class that has the switch.
 Result<std::string, std::string> with_handler(std::string model, const PeripheralCommandTexts& texts) {
   if (has_word(model, texts.name + "_"))
     return Err(fmt::format("it has a member '{}_' already: choose another name", texts.name));
   constexpr std::string_view key = "\n private:\n";
-  const std::size_t begin = model.find(key);
+  const std::size_t begin = model.find(key, model.find("switch (function) {"));
   const std::size_t end = begin == std::string::npos ? begin : model.find("\n};", begin);
   if (end == std::string::npos) return Err(std::string("no class with ' private:'"));
   model.insert(end + 1, texts.member);

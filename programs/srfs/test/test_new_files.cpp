@@ -192,6 +192,12 @@ TEST_F(WithPeripheralCommand, PutsEachPartWhereItsKindIs) {
   EXPECT_EQ(changed->test.text, "namespace {\nTEST\n}  // namespace\n}  // namespace srfs\n");
 }
 
+TEST_F(WithPeripheralCommand, LeavesOtherClassesOfTheModelAlone) {
+  const std::string other = "class Frames {\n private:\n  int what_;\n};\n";
+  folder.model.text = other + folder.model.text;
+  EXPECT_TRUE(with_peripheral_command(folder, texts)->model.text.starts_with(other));
+}
+
 TEST_F(WithPeripheralCommand, NamesTheFileThatHasNoPlaceForIt) {
   auto other = folder;
   other.profile.text = "  if (function == 1) return 0;\n";
