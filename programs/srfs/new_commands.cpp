@@ -598,6 +598,24 @@ fs::path file_with(const fs::path& folder, std::string_view end, std::string_vie
                   folder.string(), end, text));
 }
 
+struct NewCommand {
+  std::string node;
+  std::string prefix;
+  std::string name;  ///< "impact.clear"
+  std::uint16_t function = 0;
+};
+/// Of the fragment's node. Throws ConfigError when the name is taken.
+NewCommand new_command(const mission::Fragment& fragment, const mission::Dictionary& dictionary,
+                       const std::string& name) {
+  const auto node = fragment.node();
+  if (!node) throw ConfigError(fmt::format("{}: it names no node", fragment.name));
+  const std::string prefix = prefix_of(dictionary, *node);
+  const std::string command = prefix + "." + name;
+  if (dictionary.command(command) != nullptr)
+    throw ConfigError(fmt::format("there is a telecommand '{}' already: choose another name", command));
+  return {*node, prefix, command, free_function(dictionary, *node)};
+}
+
 /// Throws ConfigError when the mission does not fit with this dictionary of one of its payloads.
 void check_with(const fs::path& home, const fs::path& payload, const std::string& dictionary) {
   const NewFiles files(home);
@@ -618,15 +636,9 @@ int write_peripheral_command(const Target& target, const NewOrder& order, const 
     throw ConfigError(fmt::format("{} is no mission: it has no mission.yaml", home.string()));
   const fs::path dictionary_file = folder / "dictionary.yaml";
   const mission::Fragment fragment{dictionary_file.string(), text_of(dictionary_file)};
-  const auto node = fragment.node();
-  if (!node) throw ConfigError(fmt::format("{}: it names no node", dictionary_file.string()));
   const auto dictionary = mission::Dictionary::load(mission_of(target, home).dictionary);
-  const std::string prefix = prefix_of(dictionary, *node);
-  const std::string command = prefix + "." + order.name;
-  if (dictionary.command(command) != nullptr)
-    throw ConfigError(fmt::format("there is a telecommand '{}' already: choose another name", command));
-  const std::uint16_t function = free_function(dictionary, *node);
-  const unsigned peripheral_function = free_peripheral_function(dictionary, *node);
+  const auto [node, prefix, command, function] = new_command(fragment, dictionary, order.name);
+  const unsigned peripheral_function = free_peripheral_function(dictionary, node);
 
   std::string stem = profile.stem();
   stem.resize(stem.size() - std::string_view("_profile").size());
@@ -635,7 +647,7 @@ int write_peripheral_command(const Target& target, const NewOrder& order, const 
   const Placeholders values{{"name", order.name},
                             {"Name", camel(order.name)},
                             {"prefix", prefix},
-                            {"node", *node},
+                            {"node", node},
                             {"Command", camel(command)},
                             {"Stem", camel(stem)},
                             {"function", std::to_string(function)},
@@ -659,13 +671,13 @@ int write_peripheral_command(const Target& target, const NewOrder& order, const 
   replace_files({changed->profile, changed->model, changed->test, {dictionary_file, changed->dictionary}},
                 [] {});
   return show(
-      {.node = *node,
+      {.node = node,
        .folder = folder,
        .files = {"dictionary.yaml", profile.filename(), model.filename(), "test/" + test.filename().string()},
        .numbers = {{"telecommand", command},
                    {"function", function},
                    {"peripheral_function", peripheral_function}},
-       .next = build_commands(build_place_of(folder), *node)},
+       .next = build_commands(build_place_of(folder), node)},
       order.json);
 }
 
@@ -684,15 +696,10 @@ int write_telecommand(const Target& target, const NewOrder& order) {
   if (const auto profile = profile_in(folder)) return write_peripheral_command(target, order, *profile);
   const fs::path fragment_file = folder / "dictionary.yaml";
   const mission::Fragment fragment{fragment_file.string(), text_of(fragment_file)};
-  const auto node = fragment.node();
-  if (!node) throw ConfigError(fmt::format("{}: it names no node", fragment_file.string()));
+  if (!fragment.node()) throw ConfigError(fmt::format("{}: it names no node", fragment_file.string()));
   const fs::path mission = mission_of(target, folder.parent_path()).dictionary;
   const auto dictionary = mission::Dictionary::load(mission, {fragment});
-  const std::string prefix = prefix_of(dictionary, *node);
-  const std::string command = prefix + "." + order.name;
-  if (dictionary.command(command) != nullptr)
-    throw ConfigError(fmt::format("there is a telecommand '{}' already: choose another name", command));
-  const std::uint16_t function = free_function(dictionary, *node);
+  const auto [node, prefix, command, function] = new_command(fragment, dictionary, order.name);
 
   const fs::path header = file_with(folder, ".hpp", "CommandSet<");
   fs::path source = header;
@@ -702,7 +709,7 @@ int write_telecommand(const Target& target, const NewOrder& order) {
   const Placeholders values{{"name", order.name},
                             {"Name", camel(order.name)},
                             {"prefix", prefix},
-                            {"node", *node},
+                            {"node", node},
                             {"Command", camel(command)},
                             {"Class", camel(stem)},
                             {"function", std::to_string(function)}};
@@ -725,15 +732,15 @@ int write_telecommand(const Target& target, const NewOrder& order) {
   static_cast<void>(mission::Dictionary::load(mission, {{fragment.name, changed->dictionary}}));
   const fs::path structures = folder / (stem + "_structures.hpp");
   Report report{
-      .node = *node,
+      .node = node,
       .folder = folder,
       .files = {"dictionary.yaml", header.filename(), source.filename(), "test/" + test.filename().string()},
       .numbers = {{"telecommand", command}, {"function", function}}};
   const ChangedFile new_fragment{fragment_file.string(), changed->dictionary};
   replace_files({changed->header, changed->source, changed->test, new_fragment}, [] {});
-  if (generate_or_say(mission, fragment_file, structures, *node))
+  if (generate_or_say(mission, fragment_file, structures, node))
     report.files.push_back(structures.filename());
-  report.next = build_commands(build_place_of(folder), *node);
+  report.next = build_commands(build_place_of(folder), node);
   return show(report, order.json);
 }
 
