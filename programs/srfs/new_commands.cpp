@@ -488,17 +488,23 @@ std::vector<ChangedFile> mission_with(const Mission& mission, const fs::path& fo
   return {changed->build, changed->dictionary, changed->deployment};
 }
 
+/// Links in the view to what the mission's folder has, but for the name that is written there anew. The view
+/// itself, and the hidden folder that it is in, may be in the mission's folder.
+void link_all_but(const fs::path& name, const fs::path& home, const fs::path& view) {
+  fs::create_directory(view);
+  for (const auto& entry : fs::directory_iterator(home)) {
+    const fs::path other = entry.path().filename();
+    if (other != name && entry.path() != view && entry.path() != view.parent_path())
+      fs::create_symlink(entry.path(), view / other);
+  }
+}
+
 /// The mission's dictionary as it will be, in a folder of its own: links to the files that are there, beside
 /// a new mission.yaml and what is known of the payload before it has numbers.
 void write_view(const fs::path& view, const fs::path& home, const std::string& mission_yaml,
                 const std::string& node) {
   constexpr int other_apid = 2046;  // not one that free_numbers() gives
-  fs::create_directory(view);
-  for (const auto& entry : fs::directory_iterator(home)) {
-    const fs::path name = entry.path().filename();
-    if (name != "mission.yaml" && entry.path() != view && entry.path() != view.parent_path())
-      fs::create_symlink(entry.path(), view / name);
-  }
+  link_all_but("mission.yaml", home, view);
   write(view / "mission.yaml", mission_yaml);
   write(view / node / "dictionary.yaml",
         fmt::format("subsystem: {0}\napids: [{{ name: {0}, apid: {1}, node: {0} }}]\n", node, other_apid));
@@ -620,10 +626,7 @@ NewCommand new_command(const mission::Fragment& fragment, const mission::Diction
 void check_with(const fs::path& home, const fs::path& payload, const std::string& dictionary) {
   const NewFiles files(home);
   const fs::path view = files.folder() / "view";
-  fs::create_directory(view);
-  for (const auto& entry : fs::directory_iterator(home))
-    if (entry.path() != files.folder() && entry.path().filename() != payload.filename())
-      fs::create_symlink(entry.path(), view / entry.path().filename());
+  link_all_but(payload.filename(), home, view);
   write(view / payload.filename() / "dictionary.yaml", dictionary);
   static_cast<void>(mission::Dictionary::load(view));
 }
