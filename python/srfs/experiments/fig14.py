@@ -89,16 +89,17 @@ class Fig14(StatesExperiment):
     def judge(self):
         intervals = self.line.intervals(self.begin, self.end)
         beats = self.line.heartbeats(self.begin, self.end)
+        switches = self.line.switches(self.begin, self.end)
         if self.name == "fig14b":
-            checks = timeline.fig14b(intervals, beats, PAYLOADS, self.end, "payload_eps")
+            checks = timeline.fig14b(intervals, switches, beats, PAYLOADS, self.end, "payload_eps")
         elif self.name == "fig14d":
-            checks = timeline.fig14d(intervals, beats, PAYLOADS, self.end, "payload_adcs", self.line.telecommands, self.line.completed,
+            checks = timeline.fig14d(intervals, switches, beats, PAYLOADS, self.end, "payload_adcs", self.line.telecommands, self.line.completed,
                                      self.frames)  # fmt: skip
         else:
-            checks = getattr(timeline, self.name)(intervals, beats, PAYLOADS, self.end)
+            checks = getattr(timeline, self.name)(intervals, switches, beats, PAYLOADS, self.end)
         use = timeline.use_of_the_bus(intervals, beats, self.begin, self.end)
         sequential = self.judge_strict_sequence(use, checks) if self.sequential else {}
-        delays = [(slot.begin - beat) / MS for slot, beat, _ in timeline.switched_at(intervals, beats) if beat]
+        delays = [delay / MS for delay in timeline.delays(switches, beats)]
         return self.summary(checks, recorded_s=round(self.seconds(self.end), 3), heartbeats=len(beats), heartbeat_ms=round(timeline.heartbeat_period(beats) / MS, 1),
                             heartbeat_to_bus_p50_ms=round(percentile(delays, 0.5) or 0, 3), **use, **sequential)  # fmt: skip
 
@@ -130,13 +131,13 @@ class Fig14(StatesExperiment):
 
         intervals = self.line.intervals(self.begin, self.end)
         beats = self.line.heartbeats(self.begin, self.end)
-        blocked = {t for _, inside in timeline.blocked_heartbeats(intervals, beats) for t in inside}
+        blocked = {t for _, inside in timeline.blocked_heartbeats(self.line.switches(self.begin, self.end), beats) for t in inside}
         figure, axes = plots.subplots(len(PAYLOADS), 1, figsize=(10, 6.4), sharex=True)
         for number, (axis, payload) in enumerate(zip(axes, PAYLOADS), 1):
             for i in timeline.of_state(intervals, timeline.OCCUPYING):
                 color = f"C{PAYLOADS.index(i.payload)}"
                 axis.axvspan(self.seconds(i.begin), self.seconds(i.end), color=color, alpha=0.3 if i.payload == payload else 0.1, linewidth=0)
-            for beat in beats:
+            for beat in beats.values():
                 axis.axvline(self.seconds(beat), **(BLOCKED if beat in blocked else HEARTBEAT))
             self.draw_states(axis, number, payload, timeline.STATES, STATE_LABELS, linewidth=1.6)
             times = [self.seconds(at) for target, at in self.line.telecommands.values() if target == payload]

@@ -15,7 +15,8 @@ STATES = (OFF, OCCUPYING, PROCESSING, ASYNC)  # as the paper lists them, lowest 
 COMPLETED = 7  # srfs_msgs/TelecommandReport.COMPLETED
 
 MS = 1_000_000
-SWITCH_BOUND_NS = 50 * MS  # heartbeat -> flag -> the payload has the bus; generous: the shape is judged, not the latency
+SWITCH_BOUND_NS = 50 * MS  # heartbeat -> flag -> the payload has the bus, and release -> switcher
+SUBSTITUTE_PERIODS = 1.2  # behind the last heartbeat; the switcher makes one itself after 1.25 (nodes/can_switcher/tick_holdover.hpp)
 PULSE_BOUND_NS = 200 * MS  # "an instantaneous state": storing one telecommand, with its disk write
 
 
@@ -30,6 +31,22 @@ class Interval:
         return max(0, min(self.end, other.end) - max(self.begin, other.begin))
 
 
+@dataclasses.dataclass(frozen=True)
+class Grant:
+    payload: str
+    cycle: int  # of the heartbeat that the switcher had heard last
+    caused: int  # when the switcher heard this heartbeat, or made one itself
+    published: int
+
+
+@dataclasses.dataclass(frozen=True)
+class Switch:
+    """A slot and the number of the heartbeat at which it was given; None: at none."""
+
+    slot: Interval
+    cycle: int | None
+
+
 class Timeline:
     """Collects messages of `srfs record`; on_message may run in another thread than what asks."""
 
@@ -37,6 +54,8 @@ class Timeline:
         self.payloads = list(payloads)
         self.changes = []  # (since, payload, state)
         self.ticks = {}  # cycle -> when it was published
+        self.due = {}  # cycle -> when it was due
+        self.grants = {}  # (switcher incarnation, grant counter) -> Grant
         self.telecommands = {}  # id -> (target, when heard)
         self.completed = {}  # id -> when its completion was heard
 
@@ -45,7 +64,11 @@ class Timeline:
         if kind == "activity" and m["payload"] in self.payloads:
             self.changes.append((m["since_ns"], m["payload"], m["state"]))
         elif kind == "tick":
+            self.due[m["cycle"]] = m["due_ns"]
             self.ticks[m["cycle"]] = m["published_ns"]
+        elif kind == "flags" and m["holder"]:
+            grant = Grant(m["holder"], m["cycle"], m["tick_received_ns"], m["published_ns"])
+            self.grants.setdefault((m["switcher"], m["grant"]), grant)
         elif kind == "telecommand":
             self.telecommands.setdefault(m["id"], (m["target"], m["at_ns"]))
         elif kind == "report" and m["stage"] == COMPLETED and m["success"]:
@@ -66,7 +89,20 @@ class Timeline:
         return sorted(found, key=lambda i: (i.begin, i.payload))
 
     def heartbeats(self, begin, end):
-        return sorted(t for t in list(self.ticks.values()) if begin <= t < end)
+        """{cycle: when it was published}, in order of time."""
+        return {cycle: t for cycle, t in sorted(list(self.ticks.items()), key=lambda tick: tick[1]) if begin <= t < end}
+
+    def switches(self, begin, end):
+        """Each slot with its heartbeat, from what the switcher says of its grants and timing of its heartbeats."""
+        due = dict(list(self.due.items()))
+        period = heartbeat_period(self.heartbeats(0, end))
+        grants = [grant for _, grant in sorted(list(self.grants.items()))]
+        found = []
+        for slot in of_state(self.intervals(begin, end), OCCUPYING):
+            place = next((k for k in range(len(grants) - 1, -1, -1) if grants[k].payload == slot.payload and grants[k].published <= slot.begin), None)
+            before = grants[place - 1].cycle if place else -1
+            found.append(Switch(slot, None if place is None else heartbeat_of(grants[place], before, due, period)))
+        return found
 
 
 # --- what the paper says ---------------------------------------------------------------------------------------------
@@ -106,35 +142,48 @@ def processing_follows(intervals, end):
     return check(judged and wrong == 0, f"data processing follows every use of the bus, {wrong} of {judged} without")
 
 
-def switched_at(intervals, heartbeats):
-    """[(slot, heartbeat at which it was given, slot before)]; a slot no heartbeat explains has None."""
-    slots = of_state(intervals, OCCUPYING)
-    found = []
-    for before, slot in zip([None, *slots], slots):
-        beat = max((t for t in heartbeats if t <= slot.begin), default=None)
-        if beat is not None and slot.begin - beat > SWITCH_BOUND_NS:
-            beat = None
-        found.append((slot, beat, before))
-    return found
+def heartbeat_of(grant, cycle_before, due, period):
+    """The number of the heartbeat at which a grant was given, the one before having had cycle_before; None: it was given at none.
+
+    A heartbeat that the switcher made itself has the number of the one that was late.
+    """
+    if grant.cycle not in due:
+        return None
+    waited = grant.caused - due[grant.cycle]
+    if period and waited >= SUBSTITUTE_PERIODS * period:
+        return grant.cycle + waited // period
+    return grant.cycle if grant.cycle > cycle_before else None
 
 
-def switched_at_the_next_heartbeat(intervals, heartbeats):
-    """"... to the next node at the next heartbeat after each payload node completes its use of the bus."""
-    wrong = judged = 0
-    for slot, beat, before in switched_at(intervals, heartbeats):
-        if before is None:
-            continue
-        judged += 1
-        first = next((t for t in heartbeats if t > before.end), None)
-        wrong += beat is None or beat != first
+def switched_at_the_next_heartbeat(switches, heartbeats):
+    """"... to the next node at the next heartbeat after each payload node completes its use of the bus."
+
+    Which heartbeat it was is judged, and not how late the switch came: a release on its way to the switcher excuses one heartbeat.
+    """
+    wrong = 0
+    for before, switch in zip(switches, switches[1:]):
+        released = before.slot.end + SWITCH_BOUND_NS
+        wrong += switch.cycle is None or any(t > released and cycle < switch.cycle for cycle, t in heartbeats.items())
+    judged = max(0, len(switches) - 1)
     return check(judged and wrong == 0, f"every switch comes at the first heartbeat after the release, {wrong} of {judged} do not")
 
 
-def blocked_heartbeats(intervals, heartbeats):
+def delays(switches, heartbeats):
+    """From each heartbeat to the slot given at it, in ns."""
+    return [s.slot.begin - heartbeats[s.cycle] for s in switches if s.cycle in heartbeats]
+
+
+def switched_soon(switches, heartbeats):
+    late = sum(delay > SWITCH_BOUND_NS for delay in delays(switches, heartbeats))
+    return check(switches and late == 0, f"the payload has the bus {SWITCH_BOUND_NS // MS} ms after the heartbeat, {late} of {len(switches)} later than that")
+
+
+def blocked_heartbeats(switches, heartbeats):
     """[(slot, heartbeats that came while it had the bus)] without the one that gave it."""
     found = []
-    for slot in of_state(intervals, OCCUPYING):
-        inside = [t for t in heartbeats if slot.begin < t < slot.end]
+    for switch in switches:
+        slot = switch.slot
+        inside = [t for cycle, t in heartbeats.items() if slot.begin < t < slot.end and cycle != switch.cycle]
         if inside:
             found.append((slot, inside))
     return found
@@ -146,38 +195,39 @@ def no_async(intervals, payloads, except_for=()):
     return check(not others, f"{who} is in the state 'other async commands' ({len(others)} times)")
 
 
-def common(intervals, heartbeats, payloads, end):
+def common(intervals, switches, heartbeats, payloads, end):
     return [
         starts_off(intervals, payloads),
         one_on_the_bus(intervals),
         in_rotation(intervals, payloads),
         processing_follows(intervals, end),
-        switched_at_the_next_heartbeat(intervals, heartbeats),
+        switched_at_the_next_heartbeat(switches, heartbeats),
+        switched_soon(switches, heartbeats),
     ]
 
 
-def fig14a(intervals, heartbeats, payloads, end):
+def fig14a(intervals, switches, heartbeats, payloads, end):
     """Normal."""
-    blocked = blocked_heartbeats(intervals, heartbeats)
+    blocked = blocked_heartbeats(switches, heartbeats)
     return [
-        *common(intervals, heartbeats, payloads, end),
+        *common(intervals, switches, heartbeats, payloads, end),
         check(not blocked, f"every use of the bus ends before the next heartbeat, {len(blocked)} do not"),
         no_async(intervals, payloads),
     ]
 
 
-def fig14b(intervals, heartbeats, payloads, end, slow):
+def fig14b(intervals, switches, heartbeats, payloads, end, slow):
     """CAN bus blocked: one payload uses the bus for longer than anticipated."""
-    blocked = blocked_heartbeats(intervals, heartbeats)
+    blocked = blocked_heartbeats(switches, heartbeats)
     return [
-        *common(intervals, heartbeats, payloads, end),
+        *common(intervals, switches, heartbeats, payloads, end),
         check(blocked, f"{slow} has the bus over a heartbeat ({len(blocked)} times)"),
         check(all(slot.payload == slow for slot, _ in blocked), f"only {slow} blocks the switch"),
         no_async(intervals, payloads),
     ]
 
 
-def fig14c(intervals, heartbeats, payloads, end):
+def fig14c(intervals, switches, heartbeats, payloads, end):
     """Processing of one payload goes on while the next has the bus."""
     slots = of_state(intervals, OCCUPYING)
     processing = of_state(intervals, PROCESSING)
@@ -186,13 +236,13 @@ def fig14c(intervals, heartbeats, payloads, end):
         judged += 1
         parallel += any(p.payload == before.payload and p.overlap(slot) > 0 for p in processing)
     return [
-        *common(intervals, heartbeats, payloads, end),
+        *common(intervals, switches, heartbeats, payloads, end),
         check(judged and parallel == judged, f"processing of a payload continues while the next one has the bus: {parallel} of {judged} slots"),
         no_async(intervals, payloads),
     ]
 
 
-def fig14d(intervals, heartbeats, payloads, end, target, telecommands, completed, frames):
+def fig14d(intervals, switches, heartbeats, payloads, end, target, telecommands, completed, frames):
     """A telecommand: a pulse on its payload when it comes, execution in the payload's next slot.
 
     telecommands {id: (target, heard)}, completed {id: heard}, frames {id: when its frame was on the bus}
@@ -201,7 +251,7 @@ def fig14d(intervals, heartbeats, payloads, end, target, telecommands, completed
     pulses = of_state(intervals, ASYNC, target)
     slots = of_state(intervals, OCCUPYING, target)
     results = [
-        *common(intervals, heartbeats, payloads, end),
+        *common(intervals, switches, heartbeats, payloads, end),
         check(ours and len(telecommands) == len(ours), f"{len(ours)} telecommands went to {target}, none to another payload"),
         no_async(intervals, payloads, except_for=(target,)),
         check(pulses and all(p.end - p.begin <= PULSE_BOUND_NS for p in pulses), f"{target} shows 'other async commands' as a brief pulse ({len(pulses)})"),
@@ -220,8 +270,9 @@ def fig14d(intervals, heartbeats, payloads, end, target, telecommands, completed
 
 
 def heartbeat_period(heartbeats):
-    """Median distance of heartbeats, 0 with fewer than two."""
-    return percentile([b - a for a, b in zip(heartbeats, heartbeats[1:])], 0.5) or 0
+    """Median distance of heartbeats ({cycle: time}) in ns, 0 with fewer than two."""
+    times = list(heartbeats.values())
+    return int(percentile([b - a for a, b in zip(times, times[1:])], 0.5) or 0)
 
 
 def next_tick_period_ms(least_ms):

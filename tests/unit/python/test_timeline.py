@@ -16,24 +16,30 @@ HOLD = 100 * MS
 WORK = 350 * MS
 
 
-def fly(slots=12, holds=None, work=WORK, order=PAYLOADS, every=None):
-    """A Timeline of `slots` slots. holds: {slot: time on the bus}; every: {slot: heartbeats until the next one}."""
+def fly(slots=12, holds=None, work=WORK, order=PAYLOADS, every=None, behind=None):
+    """A Timeline of `slots` slots. holds: {slot: time on the bus}; every: {slot: heartbeats until the next one}; behind: {slot: its delay}."""
     line = timeline.Timeline(PAYLOADS)
     beat = 4
     for number in range(slots):
         payload, hold = order[number % len(order)], (holds or {}).get(number, HOLD)
-        begin = beat * BEAT + MS
+        begin = beat * BEAT + (behind or {}).get(number, MS)
+        line.on_message(grant(number, payload, beat, begin - MS // 2))
         line.on_message({"type": "activity", "payload": payload, "state": OCCUPYING, "since_ns": begin})
         line.on_message({"type": "activity", "payload": payload, "state": PROCESSING, "since_ns": begin + hold})
         line.on_message({"type": "activity", "payload": payload, "state": OFF, "since_ns": begin + hold + work})
         beat += (every or {}).get(number, 1 + (hold + MS) // BEAT)
     for cycle in range(beat + 2):
-        line.on_message({"type": "tick", "cycle": cycle, "published_ns": cycle * BEAT})
+        line.on_message({"type": "tick", "cycle": cycle, "due_ns": cycle * BEAT, "published_ns": cycle * BEAT})
     return line, (beat + 1) * BEAT
 
 
+def grant(number, payload, cycle, caused):
+    return {"type": "flags", "switcher": 1, "grant": number, "holder": payload, "cycle": cycle, "tick_received_ns": caused, "published_ns": caused}
+
+
 def failed(judge, line, end, *more):
-    checks = judge(line.intervals(0, end), line.heartbeats(0, end), PAYLOADS, end, *more)
+    beats = line.heartbeats(0, end)
+    checks = judge(line.intervals(0, end), line.switches(0, end), beats, PAYLOADS, end, *more)
     return [c["what"] for c in checks if not c["ok"]]
 
 
@@ -61,9 +67,43 @@ class NormalTest(unittest.TestCase):
         line, end = fly(every={5: 2})
         self.assertIn("first heartbeat after the release", " ".join(failed(timeline.fig14a, line, end)))
 
-    def test_a_switch_away_from_the_heartbeat_is_refused(self):
+    def test_a_switch_at_a_release_is_refused(self):
         line, end = fly()
-        line.ticks = {cycle: at + 120 * MS for cycle, at in line.ticks.items()}
+        early = 6 * BEAT + 110 * MS  # p3 releases at 101 ms
+        line.grants[(1, 3)] = timeline.Grant("p1", 6, early, early)
+        line.changes = [(early if (since, who) == (7 * BEAT + MS, "p1") else since, who, state) for since, who, state in line.changes]
+        self.assertEqual(failed(timeline.fig14a, line, end)[0], "every switch comes at the first heartbeat after the release, 1 of 11 do not")
+
+    def test_a_slot_without_a_grant_is_refused(self):
+        line, end = fly()
+        line.grants = {key: grant for key, grant in line.grants.items() if grant.payload != "p2"}
+        self.assertIn("first heartbeat after the release", " ".join(failed(timeline.fig14a, line, end)))
+
+    def test_a_switch_that_comes_late_came_at_its_heartbeat_and_is_late(self):
+        line, end = fly(behind={5: 90 * MS})
+        self.assertEqual(failed(timeline.fig14a, line, end), ["the payload has the bus 50 ms after the heartbeat, 1 of 12 later than that"])
+
+    def test_a_heartbeat_that_the_switcher_made_itself_is_the_late_one(self):
+        for published_late in (0, 80 * MS):
+            with self.subTest(published_late=published_late):
+                line, end = fly(behind={5: 64 * MS})
+                late = 4 + 5
+                line.grants[1, 5] = timeline.Grant("p3", late - 1, late * BEAT + 63 * MS, late * BEAT + 63 * MS)
+                line.ticks[late] += published_late
+                whats = failed(timeline.fig14a, line, end)
+                self.assertEqual([what for what in whats if "later than" not in what], [])
+
+    def test_a_heartbeat_made_by_the_switcher_behind_a_blocked_one_is_the_late_one(self):
+        line, end = fly(holds={4: 400 * MS}, behind={5: 64 * MS})
+        late = 4 + 6
+        line.grants[1, 5] = timeline.Grant("p3", late - 1, late * BEAT + 63 * MS, late * BEAT + 63 * MS)
+        line.ticks[late] += 80 * MS
+        self.assertEqual([what for what in failed(timeline.fig14b, line, end, "p2") if "later than" not in what], [])
+
+    def test_a_release_on_its_way_to_the_switcher_excuses_one_heartbeat(self):
+        line, end = fly(holds={5: 230 * MS}, every={5: 2})
+        self.assertEqual(failed(timeline.fig14a, line, end), [])
+        line, end = fly(holds={5: 230 * MS}, every={5: 3})
         self.assertIn("first heartbeat after the release", " ".join(failed(timeline.fig14a, line, end)))
 
     def test_a_slot_without_processing_is_refused(self):
