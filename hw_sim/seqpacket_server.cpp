@@ -89,11 +89,14 @@ Result<std::string, std::string> ask_seqpacket(const std::filesystem::path& path
   const timeval limit{.tv_sec = patience.count() / 1000, .tv_usec = patience.count() % 1000 * 1000};
   setsockopt(socket.get(), SOL_SOCKET, SO_RCVTIMEO, &limit, sizeof limit);
   setsockopt(socket.get(), SOL_SOCKET, SO_SNDTIMEO, &limit, sizeof limit);
-  if (connect(socket.get(), reinterpret_cast<const sockaddr*>(&*address), sizeof *address) != 0)
+  // With these limits a stop and a SIGCONT end each call with EINTR, though no signal is handled (signal(7)).
+  if (TEMP_FAILURE_RETRY(
+          connect(socket.get(), reinterpret_cast<const sockaddr*>(&*address), sizeof *address)) != 0)
     return Err(failure(path, "connect (is hw_sim running?)"));
-  if (send(socket.get(), request.data(), request.size(), MSG_NOSIGNAL) < 0) return Err(failure(path, "send"));
+  if (TEMP_FAILURE_RETRY(send(socket.get(), request.data(), request.size(), MSG_NOSIGNAL)) < 0)
+    return Err(failure(path, "send"));
   std::string reply(65536, '\0');
-  const ssize_t n = recv(socket.get(), reply.data(), reply.size(), 0);
+  const ssize_t n = TEMP_FAILURE_RETRY(recv(socket.get(), reply.data(), reply.size(), 0));
   if (n <= 0) return Err(failure(path, "receive the reply"));
   reply.resize(static_cast<std::size_t>(n));
   return reply;

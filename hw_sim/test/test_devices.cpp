@@ -1,15 +1,23 @@
 // SPDX-FileCopyrightText: 2026 SRFS contributors
 // SPDX-License-Identifier: Apache-2.0
+#include <array>
 #include <bit>
 
 #include <gtest/gtest.h>
+#include <poll.h>
+#include <sys/socket.h>
+#include <sys/wait.h>
 
+#include "base/process.hpp"
+#include "hw/sim/seqpacket.hpp"
 #include "hw_sim/can_log.hpp"
 #include "hw_sim/gpio_bank.hpp"
 #include "hw_sim/gps_receiver.hpp"
+#include "hw_sim/seqpacket_server.hpp"
 #include "hw_sim/serial_line.hpp"
 #include "hw_sim/settings.hpp"
 #include "hw_sim/starvation_timer.hpp"
+#include "tests/temporary_folder.hpp"
 
 namespace srfs::sim {
 namespace {
@@ -20,6 +28,32 @@ constexpr RunningTime armed_at{seconds(1000)};
 
 std::string text(const Octets& octets) {
   return {octets.begin(), octets.end()};
+}
+
+TEST(Control, WhatAsksMayBeStoppedMeanwhile) {
+  const testing_support::TemporaryFolder folder;
+  const std::filesystem::path path = folder.path() / "control.sock";
+  const Fd listener = hw::listen_seqpacket(path, 1).value();
+  const pid_t asker = fork();
+  if (asker == 0)
+    _exit(ask_seqpacket(path, "what?", seconds(60)) == Result<std::string, std::string>("that") ? 0 : 1);
+  pollfd wait{.fd = listener.get(), .events = POLLIN, .revents = 0};
+  ASSERT_EQ(poll(&wait, 1, -1), 1);
+  const Fd client(accept4(listener.get(), nullptr, nullptr, SOCK_CLOEXEC));
+  std::array<char, 8> request{};
+  ASSERT_EQ(recv(client.get(), request.data(), request.size(), 0), 5);
+  while (process_state(asker) == 'R') poll(nullptr, 0, 1);  // until it waits for the answer
+
+  int status = 0;
+  kill(asker, SIGSTOP);
+  ASSERT_EQ(waitpid(asker, &status, WUNTRACED), asker);
+  ASSERT_TRUE(WIFSTOPPED(status));
+  kill(asker, SIGCONT);
+  ASSERT_EQ(waitpid(asker, &status, WCONTINUED), asker);
+  while (process_state(asker) == 'R') poll(nullptr, 0, 1);  // has it given up?
+  send(client.get(), "that", 4, MSG_NOSIGNAL);
+  ASSERT_EQ(waitpid(asker, &status, 0), asker);
+  EXPECT_EQ(status, 0);
 }
 
 TEST(GpsReceiver, PulsesAtEachWholeSecond) {
