@@ -22,7 +22,7 @@ class ExperimentsTest(ExperimentTest):
 
         summary = json.loads(run.stdout)
         failed = [c["what"] for c in summary["checks"] if not c["ok"]]
-        # The lateness depends on the load of this machine; the test requires the right heartbeat only.
+        # How late the latest switch is depends on the load of this machine.
         self.assertEqual([what for what in failed if "later than" not in what], [], run.stderr)
         self.assertEqual(run.returncode, 1 if failed else 0)
         self.assertEqual(json.loads((self.folder / "out" / "summary.json").read_text()), summary)

@@ -29,7 +29,7 @@ def fly(slots=12, holds=None, work=WORK, order=PAYLOADS, every=None, behind=None
         line.on_message({"type": "activity", "payload": payload, "state": OFF, "since_ns": begin + hold + work})
         beat += (every or {}).get(number, 1 + (hold + MS) // BEAT)
     for cycle in range(beat + 2):
-        line.on_message({"type": "tick", "cycle": cycle, "due_ns": cycle * BEAT, "published_ns": cycle * BEAT})
+        line.on_message({"type": "tick", "cycle": cycle, "due_ns": cycle * BEAT})
     return line, (beat + 1) * BEAT
 
 
@@ -67,44 +67,89 @@ class NormalTest(unittest.TestCase):
         line, end = fly(every={5: 2})
         self.assertIn("first heartbeat after the release", " ".join(failed(timeline.fig14a, line, end)))
 
+    NEXT = "every switch comes at the first heartbeat after the release"
+
+    def assert_no_next_heartbeat(self, line, end, wrong):
+        self.assertIn(f"{self.NEXT}, {wrong} of 12 do not", failed(timeline.fig14a, line, end))
+
+    def moved(self, line, number, at, cycle):
+        """Its grant names this heartbeat and gives the bus at this time; the slot begins then and lasts as long as before."""
+        payload = PAYLOADS[number % 3]
+        old = line.grants[1, number]
+        line.grants[1, number] = timeline.Grant(payload, cycle, at, at)
+        shift = at + MS // 2 - old.published
+        slot = [c for c in sorted(line.changes) if c[1] == payload and c[0] > old.published][:3]
+        line.changes = [(since + shift, who, state) if (since, who, state) in slot else (since, who, state) for since, who, state in line.changes]
+
     def test_a_switch_at_a_release_is_refused(self):
         line, end = fly()
-        early = 6 * BEAT + 110 * MS  # p3 releases at 101 ms
-        line.grants[(1, 3)] = timeline.Grant("p1", 6, early, early)
-        line.changes = [(early if (since, who) == (7 * BEAT + MS, "p1") else since, who, state) for since, who, state in line.changes]
-        self.assertEqual(failed(timeline.fig14a, line, end)[0], "every switch comes at the first heartbeat after the release, 1 of 11 do not")
+        self.moved(line, 3, 6 * BEAT + 110 * MS, 6)  # p3 releases at 101 ms
+        self.assert_no_next_heartbeat(line, end, 1)
 
-    def test_a_slot_without_a_grant_is_refused(self):
+    def test_a_switch_at_a_release_behind_a_blocked_heartbeat_is_refused(self):
+        line, end = fly(holds={4: 375 * MS})
+        self.moved(line, 5, 9 * BEAT + 127 * MS, 9)  # p2 had the bus over heartbeat 9 and released it at 126 ms
+        self.assertIn(f"{self.NEXT}, 1 of 12 do not", failed(timeline.fig14b, line, end, "p2"))
+
+    def test_a_switch_ahead_of_its_heartbeat_is_refused(self):
         line, end = fly()
-        line.grants = {key: grant for key, grant in line.grants.items() if grant.payload != "p2"}
-        self.assertIn("first heartbeat after the release", " ".join(failed(timeline.fig14a, line, end)))
+        self.moved(line, 3, 6 * BEAT + 110 * MS, 7)
+        self.assert_no_next_heartbeat(line, end, 1)
 
-    def test_a_switch_that_comes_late_came_at_its_heartbeat_and_is_late(self):
+    def test_a_slot_without_a_grant_of_its_own_is_refused(self):
+        for number in range(12):
+            with self.subTest(number=number):
+                line, end = fly()
+                del line.grants[1, number]
+                self.assert_no_next_heartbeat(line, end, 1)
+
+    def test_without_heartbeats_or_grants_nothing_is_right(self):
+        for what in ("due", "grants"):
+            line, end = fly()
+            getattr(line, what).clear()
+            whats = failed(timeline.fig14a, line, end)
+            self.assertIn(f"{self.NEXT}, 12 of 12 do not", whats)
+            self.assertIn("half of the switches come within 50 ms of their heartbeat", whats)
+
+    def test_a_switch_that_comes_late_came_at_its_heartbeat(self):
         line, end = fly(behind={5: 90 * MS})
-        self.assertEqual(failed(timeline.fig14a, line, end), ["the payload has the bus 50 ms after the heartbeat, 1 of 12 later than that"])
+        self.assertEqual(failed(timeline.fig14a, line, end), [])
+        line, end = fly(holds={5: 20 * MS}, behind={5: 210 * MS})
+        self.assertEqual(failed(timeline.fig14a, line, end), ["every switch comes within 200 ms of its heartbeat, 1 of 12 come later than that"])
+
+    def test_switches_of_which_half_come_late_are_refused(self):
+        line, end = fly(behind={number: 60 * MS for number in range(0, 12, 3)})
+        self.assertEqual(failed(timeline.fig14a, line, end), [])
+        line, end = fly(behind={number: 60 * MS for number in range(7)})
+        self.assertEqual(failed(timeline.fig14a, line, end), ["half of the switches come within 50 ms of their heartbeat"])
+
+    def substituted(self, line, number, cycle, beat):
+        """The grant was made at a heartbeat of the switcher itself, as this one did not come in time."""
+        at = beat * BEAT + 63 * MS
+        line.grants[1, number] = timeline.Grant(PAYLOADS[number % 3], cycle, at, at)
 
     def test_a_heartbeat_that_the_switcher_made_itself_is_the_late_one(self):
-        for published_late in (0, 80 * MS):
-            with self.subTest(published_late=published_late):
-                line, end = fly(behind={5: 64 * MS})
-                late = 4 + 5
-                line.grants[1, 5] = timeline.Grant("p3", late - 1, late * BEAT + 63 * MS, late * BEAT + 63 * MS)
-                line.ticks[late] += published_late
-                whats = failed(timeline.fig14a, line, end)
-                self.assertEqual([what for what in whats if "later than" not in what], [])
+        line, end = fly(behind={5: 64 * MS})
+        self.substituted(line, 5, 8, 9)
+        self.assertEqual(failed(timeline.fig14a, line, end), [])
 
     def test_a_heartbeat_made_by_the_switcher_behind_a_blocked_one_is_the_late_one(self):
-        line, end = fly(holds={4: 400 * MS}, behind={5: 64 * MS})
-        late = 4 + 6
-        line.grants[1, 5] = timeline.Grant("p3", late - 1, late * BEAT + 63 * MS, late * BEAT + 63 * MS)
-        line.ticks[late] += 80 * MS
-        self.assertEqual([what for what in failed(timeline.fig14b, line, end, "p2") if "later than" not in what], [])
+        line, end = fly(holds={4: 375 * MS}, behind={5: 64 * MS})
+        self.substituted(line, 5, 9, 10)
+        self.assertEqual(failed(timeline.fig14b, line, end, "p2"), [])
+
+    def test_heartbeats_that_the_switcher_made_one_after_the_other_are_those_that_never_came(self):
+        line, end = fly(behind={5: 64 * MS})
+        self.substituted(line, 5, 8, 9)
+        line.grants[1, 6] = timeline.Grant("p1", 8, 10 * BEAT, 10 * BEAT)
+        del line.due[9], line.due[10]
+        self.assertEqual(failed(timeline.fig14a, line, end), [])
 
     def test_a_release_on_its_way_to_the_switcher_excuses_one_heartbeat(self):
         line, end = fly(holds={5: 230 * MS}, every={5: 2})
         self.assertEqual(failed(timeline.fig14a, line, end), [])
         line, end = fly(holds={5: 230 * MS}, every={5: 3})
-        self.assertIn("first heartbeat after the release", " ".join(failed(timeline.fig14a, line, end)))
+        self.assert_no_next_heartbeat(line, end, 1)
 
     def test_a_slot_without_processing_is_refused(self):
         line, end = fly()
@@ -125,7 +170,13 @@ class BlockedTest(unittest.TestCase):
     def test_a_slow_payload_blocks_the_switch_and_the_next_comes_after_it(self):
         line, end = fly(holds={1: 400 * MS, 4: 400 * MS})
         self.assertEqual(failed(timeline.fig14b, line, end, "p2"), [])
-        self.assertTrue(failed(timeline.fig14b, line, end, "p3"), "the wrong one")
+        self.assertEqual(len(failed(timeline.fig14b, line, end, "p3")), 2, "the wrong one")
+
+    def test_another_payload_may_block_it_seldom(self):
+        line, end = fly(holds={1: 400 * MS, 4: 400 * MS, 7: 400 * MS, 9: 260 * MS})
+        self.assertEqual(failed(timeline.fig14b, line, end, "p2"), [])
+        line, end = fly(holds={1: 400 * MS, 4: 400 * MS, 9: 260 * MS})
+        self.assertEqual(failed(timeline.fig14b, line, end, "p2"), ["p2 is what blocks the switch, others did 1 times"])
 
     def test_without_a_blocked_heartbeat_it_is_not_fig_14b(self):
         line, end = fly()
