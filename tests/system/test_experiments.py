@@ -32,7 +32,7 @@ class ExperimentsTest(ExperimentTest):
 
     def test_a_timing_that_blocks_nothing_is_not_fig14b(self):
         # Heartbeats so far apart that even the slow payload ends before the next one.
-        deployment = self.deployment(("tick_period_ms: 250", "tick_period_ms: 500"), base="fig14")
+        deployment = self.deployment(("tick_period_ms: 250", "tick_period_ms: 1000"), base="fig14")
         run = self.run_experiment("fig14b", "--out", str(self.folder / "out"), "--var", str(self.var), "--deployment", str(deployment))
         self.assertEqual(run.returncode, 1, run.stdout + run.stderr)
         self.assertIn("NOT OK  payload_eps has the bus over a heartbeat (0 times)", run.stdout)

@@ -167,7 +167,9 @@ class MonitoringTest(SystemTest):
             self.assertEqual(found["count"], len(found["last"]), "the list is complete")
             twice = [number for number, times in collections.Counter(found["last"]).items() if times > 1]
             self.assertEqual(twice, [], "executed twice")
-            self.assertLessEqual(set(found["last"]), ordered())
+            # A ttc that has just started orders before the recorder knows it; the payload's reports name these.
+            reported = {m["id"] & 0xFFFFFFFF for m in recorder.select(lambda m: m["type"] == "report" and m["node"] == "payload_eps")}
+            self.assertLessEqual(set(found["last"]), ordered() | reported)
             actions = found["count"] - TURNS - 4
             self.assertGreaterEqual(actions, 4, "actions were released")
 

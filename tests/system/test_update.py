@@ -17,13 +17,16 @@ BUILD_DEADLINE_S = 180  # a compiler on a loaded machine
 IDLE = ROOT / "examples" / "payload_idle" / "main.cpp"
 GOOD = IDLE.read_text()
 BEGIN = "int main(int argc, char** argv) {\n"
-# Passes its self-test and dies shortly after its activation.
-DIES = GOOD.replace(BEGIN, """#include <cstdlib>
-#include <string_view>
+# Passes its self-test and dies when a file comes, after each start.
+DIES = GOOD.replace(BEGIN, """#include <chrono>
+#include <cstdlib>
 #include <thread>
-""" + BEGIN + """  bool test = false;
-  for (int i = 0; i < argc; ++i) test = test || std::string_view(argv[i]) == "--self-test";
-  if (!test) std::thread([] { std::this_thread::sleep_for(std::chrono::milliseconds(700)); std::abort(); }).detach();
+
+#include <unistd.h>
+""" + BEGIN + """  std::thread([] {
+    while (access("FILE", F_OK) != 0) std::this_thread::sleep_for(std::chrono::milliseconds(10));
+    std::abort();
+  }).detach();
 """)  # fmt: skip
 FAILS_ITS_TEST = GOOD.replace(BEGIN, BEGIN + "  return 7;\n")
 NODE = "payload_thermal"
@@ -151,8 +154,10 @@ class BadPackageTest(UpdateTest):
             self.assertEqual((end["event"], end["fields"]["step"]), ("update.failed", "self_test"), end)
             self.assertEqual(flight.node_pid(NODE), pid, "the node was not touched")
 
-            outcome, since = self.install(ground, flight, self.package(DIES))
+            order = flight.var / "state" / NODE / "die"
+            outcome, since = self.install(ground, flight, self.package(DIES.replace("FILE", str(order))))
             self.assertEqual(self.end(ground, since)["event"], "update.installed")
+            order.touch()
             wait_until(lambda: self.versions(flight)["running"] == 0 and self.active(flight), DEADLINE_S, "rolled back")
             self.assertEqual(self.versions(flight)["versions"][-1]["state"], "failed")
             self.assertFalse((flight.var / "update" / "job").exists(), "nothing is left of it")

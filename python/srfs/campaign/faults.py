@@ -25,7 +25,7 @@ from srfs.campaign import witness
 from srfs.campaign.campaign import Campaign
 from srfs.flight import deployments
 from srfs.flight.deployments import NODES, PAYLOADS
-from srfs.flight.lateness import Lateness, describe_lateness
+from srfs.flight.lateness import Excuses, Lateness, Waiting, describe_lateness
 from srfs.flight.machine import stress_ng
 from srfs.flight.processes import kib_of, send_signal, wait_until
 from srfs.program import MissionError
@@ -298,7 +298,7 @@ class FaultCampaign(Campaign):
             self._threads.append(threading.Thread(target=job, daemon=True))
             self._threads[-1].start()
         self.begin = time.monotonic()
-        self._machine = Lateness()
+        self._machine, self._waiting = Lateness(), Waiting(self.flight.var)
         self.wait_until_steady()
         return self
 
@@ -310,7 +310,7 @@ class FaultCampaign(Campaign):
         self._quit.set()
         for thread in self._threads:
             thread.join(10)
-        self.machine = self._machine.end()
+        self.machine, self.waiting = self._machine.end(), self._waiting.end()
         if kind is None:
             self.executions.ask()
 
@@ -637,10 +637,12 @@ def summarize(campaign):
         })  # fmt: skip
     soak = len(campaign.usage) > 0  # a long time on a busy machine: some answers come too late
     telecommands = witness.telecommands_of(campaign.messages)
+    excuses = Excuses(campaign.machine, campaign.waiting)
+    why_late = lambda payload, begin, end: excuses.find(("hw_sim", "can_switcher", payload), begin, end)  # noqa: E731
     others, with_ttc, unheard = sort_telecommands([m for m in campaign.messages if m["type"] == "tc_stage"], campaign.trials)
     judged = [
-        *witness.executed_once(telecommands, campaign.executions.of, soak, campaign.machine["late_at"]),
-        witness.told_to_the_ground(others, soak, campaign.machine["late_at"], campaign.overloads),
+        *witness.executed_once(telecommands, campaign.executions.of, soak, campaign.machine["late_at"], why_late),
+        witness.told_to_the_ground(others, soak, campaign.machine["late_at"], campaign.overloads, why_late),
         check_none([f"{t.kind} {','.join(t.victims)}: {t.note or 'false restarts: ' + ', '.join(t.false_restarts)}" for t in campaign.trials if not t.ok],
                       "every victim recovers, and nobody else is restarted", len(campaign.trials)),
         check_none([f"{campaign.executions.unseen} executions"] if campaign.executions.unseen else [], "every execution was seen"),

@@ -7,6 +7,7 @@ import time
 from srfs.experiments.experiment import StatesExperiment
 from srfs.flight.deployments import PAYLOADS
 from srfs.record import can_frames, timeline
+from srfs.record.heartbeats import period_of
 from srfs.record.timeline import MS
 from srfs.report import check, percentile, pyplot
 
@@ -100,7 +101,7 @@ class Fig14(StatesExperiment):
         use = timeline.use_of_the_bus(intervals, beats, self.begin, self.end)
         sequential = self.judge_strict_sequence(use, checks) if self.sequential else {}
         delays = [delay / MS for delay in timeline.delays(switches)]
-        return self.summary(checks, recorded_s=round(self.seconds(self.end), 3), heartbeats=len(beats), heartbeat_ms=round(timeline.heartbeat_period(beats) / MS, 1),
+        return self.summary(checks, recorded_s=round(self.seconds(self.end), 3), heartbeats=len(beats), heartbeat_ms=round(period_of(beats) / MS, 1),
                             heartbeat_to_bus_p50_ms=round(percentile(delays, 0.5) or 0, 3), **use, **sequential)  # fmt: skip
 
     @staticmethod
@@ -119,7 +120,7 @@ class Fig14(StatesExperiment):
         what = f"more of the bus is used than in strict sequence: {as_run['slots_per_s']} slots/s against {use['slots_per_s']}, measured"
         checks.append(check(gain and gain > 1, what))
         kept = ("slots", "slots_per_s", "bus_utilisation", "slot_ms", "processing_ms", "processing_beside_the_bus_ms")
-        heartbeat_ms = round(timeline.heartbeat_period(beats) / MS, 1)
+        heartbeat_ms = round(period_of(beats) / MS, 1)
         return {"strict_sequence_measured": {"heartbeat_ms": heartbeat_ms, **{key: use[key] for key in kept}}, "parallelism": gain}
 
     # --- files --------------------------------------------------------------------------------------------------------

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Whether this machine had time for the suite. Two witnesses, processes of their own, so that nothing the asking program does can delay them.
 
-Lateness sleeps, and sees how much too late it wakes: what a hypervisor or the kernel takes from every process. It does not see that others
+Lateness sleeps on each CPU, and sees how much too late it wakes: what a hypervisor or the kernel takes from every process there. It does not see that others
 are busy as well, for a process that sleeps much goes first. Waiting reads how long each process of a suite was ready to run and had no CPU.
 Standard library only.
 """
@@ -13,6 +13,7 @@ import os
 import select
 import subprocess
 import sys
+import threading
 import time
 
 PERIOD_S = 0.005
@@ -57,8 +58,8 @@ class Witness:
 
 class Lateness(Witness):
     """end(): {wakeups, late, longest_ms, stolen, late_at}: how often it woke, how often more than LATE_S too late, how late at most; which part
-    of the CPU time the hypervisor took; [begin, end] of CLOCK_MONOTONIC in ns where it woke that late, in one or in several goes within
-    LOOK_S, or where as much of a CPU was taken."""
+    of the CPU time the hypervisor took; [begin, end] of CLOCK_MONOTONIC in ns where it woke that late on any CPU, in one or in several goes
+    within LOOK_S, or where as much of a CPU was taken."""
 
     NOTHING = {"wakeups": 0, "late": 0, "longest_ms": 0.0, "stolen": 0.0, "late_at": []}
 
@@ -222,6 +223,35 @@ def watch(sleep, now=time.monotonic, read=_read_cpu_times):
     return {"wakeups": wakeups, "late": late, "longest_ms": round(1000 * longest_s, 1), "stolen": round(stolen / max(1, total), 4), "late_at": late_at}
 
 
+def merged(seen):
+    """What witnesses on several CPUs saw at the same time, as one."""
+    late_at = []
+    for begin, end in sorted(interval for one in seen for interval in one["late_at"]):
+        if late_at and begin <= late_at[-1][1]:
+            late_at[-1][1] = max(end, late_at[-1][1])
+        else:
+            late_at.append([begin, end])
+    return {"wakeups": sum(one["wakeups"] for one in seen), "late": sum(one["late"] for one in seen),
+            "longest_ms": max(one["longest_ms"] for one in seen), "stolen": max(one["stolen"] for one in seen), "late_at": late_at}  # fmt: skip
+
+
+def watch_each_cpu(sleep):
+    """watch() in a thread on each CPU that this process may use."""
+    seen = []
+
+    def watch_one(cpu):
+        with contextlib.suppress(OSError):  # it has gone meanwhile
+            os.sched_setaffinity(0, {cpu})  # of this thread
+        seen.append(watch(sleep))
+
+    threads = [threading.Thread(target=watch_one, args=(cpu,)) for cpu in os.sched_getaffinity(0)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    return merged(seen)
+
+
 def name_of(words, var):
     """What a process of the suite in VAR is called, by its command line: its node, or its program; None for any other."""
     program = os.path.basename(words[0]) if words else ""
@@ -264,4 +294,4 @@ if __name__ == "__main__":
     if sys.argv[1:2] == ["--waiting"]:
         print(json.dumps(watch_waiting(sys.argv[2], is_asked)), flush=True)
     else:
-        print(json.dumps(watch(lambda: is_asked(PERIOD_S))), flush=True)
+        print(json.dumps(watch_each_cpu(lambda: is_asked(PERIOD_S))), flush=True)

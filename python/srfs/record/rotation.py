@@ -6,12 +6,15 @@ Messages may come in another thread than the one that asks for facts: facts are 
 step under the interpreter lock).
 """
 
+from srfs.record.heartbeats import heartbeat_of, period_of
+
 
 class Rotation:
     """Collects ticks, task flags, bus status, telecommands and reports. All times are CLOCK_MONOTONIC in ns."""
 
     def __init__(self):
         self.ticks = {}  # cycle -> time of receipt
+        self.due = {}  # cycle -> when this tick was due
         self.grants = {}  # (switcher incarnation, grant counter) -> dict
         self.flag_latencies_us = []  # tick published -> flag received, both as the recorder sees them
         self.several_flags = 0  # messages with more than one flag true
@@ -28,6 +31,7 @@ class Rotation:
 
     def _on_tick(self, m):
         self.ticks.setdefault(m["cycle"], m["at_ns"])
+        self.due.setdefault(m["cycle"], m["due_ns"])
         self._tick_published[m["cycle"]] = m["published_ns"]
 
     def _on_flags(self, m):
@@ -36,7 +40,7 @@ class Rotation:
         key = (m["switcher"], m["grant"])
         if not m["holder"] or key in self.grants:
             return
-        self.grants[key] = {"holder": m["holder"], "cycle": m["cycle"], "published": m["published_ns"], "lease_end": m["lease_end_ns"],
+        self.grants[key] = {"holder": m["holder"], "cycle": m["cycle"], "caused": m["tick_received_ns"], "published": m["published_ns"], "lease_end": m["lease_end_ns"],
                             "status": None, "released": None, "used_us": None}  # fmt: skip
         self.grants[key].update(self._early_ends.pop(key, {}))
         if m["cycle"] in self._tick_published:
@@ -128,10 +132,20 @@ class Rotation:
                 if not any(g["published"] < at and (g["released"] is None or g["released"] > at) and g["lease_end"] > at for g in ordered)]  # fmt: skip
 
     def _ticks_without_grant(self):
-        granted = {grant["cycle"] for grant in self._ordered()}
+        ordered = self._ordered()
+        granted = {grant["cycle"] for grant in ordered} | set(self._late_ticks(ordered))
         if not granted:
             return []
         return [at for cycle, at in list(self.ticks.items()) if min(granted) < cycle < max(granted) and cycle not in granted]
+
+    def _late_ticks(self, ordered):
+        """Ticks in whose place the switcher gave the bus at one of its own, as they did not come in time."""
+        due = dict(sorted(list(self.due.items()), key=lambda tick: tick[1]))
+        period = period_of(due)
+        for grant in ordered:
+            cycle, _ = heartbeat_of(grant["cycle"], grant["caused"], grant["cycle"] - 1, due, period)
+            if cycle not in (None, grant["cycle"]):
+                yield cycle
 
     def published_ticks(self):
         """{cycle: time published}."""

@@ -7,6 +7,7 @@ All times are CLOCK_MONOTONIC in ns. A state lasts from its message to the next 
 
 import dataclasses
 
+from srfs.record.heartbeats import AHEAD_NS, heartbeat_of, period_of
 from srfs.report import check, percentile
 
 OFF, OCCUPYING, PROCESSING, ASYNC = "off", "occupying_can", "data_processing", "other_async_command"
@@ -18,8 +19,6 @@ MS = 1_000_000
 SWITCH_BOUND_NS = 50 * MS  # heartbeat -> flag -> the payload has the bus, half of the times
 LATE_NS = 200 * MS  # the same, each time: on a busy machine two processes may each wait for a CPU
 RELEASE_BOUND_NS = 100 * MS  # release -> the switcher hears it
-AHEAD_NS = 10 * MS  # of a heartbeat that is due: timing's slew, the phase of one that the switcher makes itself
-SUBSTITUTE_PERIODS = 1.2  # behind the last heartbeat; the switcher makes one itself after 1.25 (nodes/can_switcher/tick_holdover.hpp)
 PULSE_BOUND_NS = 200 * MS  # "an instantaneous state": storing one telecommand, with its disk write
 
 
@@ -97,7 +96,7 @@ class Timeline:
     def switches(self, begin, end):
         """Each slot with its heartbeat, from what the switcher says of its grants and timing of its heartbeats. Each grant gives one slot."""
         due = self.heartbeats(0, end)
-        period = heartbeat_period(due)
+        period = period_of(due)
         grants = [grant for _, grant in sorted(list(self.grants.items()))]
         found, used = [], set()
         for slot in of_state(self.intervals(begin, end), OCCUPYING):
@@ -106,8 +105,9 @@ class Timeline:
                 found.append(Switch(slot))
                 continue
             used.add(places[-1])
+            grant = grants[places[-1]]
             before = grants[places[-1] - 1].cycle if places[-1] else -1
-            found.append(Switch(slot, *heartbeat_of(grants[places[-1]], before, due, period)))
+            found.append(Switch(slot, *heartbeat_of(grant.cycle, grant.caused, before, due, period)))
         return found
 
 
@@ -146,20 +146,6 @@ def processing_follows(intervals, end):
         following = next((i for i in intervals if i.payload == slot.payload and i.begin == slot.end), None)
         wrong += following is None or following.state != PROCESSING
     return check(judged and wrong == 0, f"data processing follows every use of the bus, {wrong} of {judged} without")
-
-
-def heartbeat_of(grant, cycle_before, due, period):
-    """(number, when it was due) of the heartbeat at which a grant was given, the one before having had cycle_before; (None, None): at none.
-
-    A heartbeat that the switcher made itself has the number of the one that did not come in time.
-    """
-    if grant.cycle not in due:
-        return None, None
-    waited = grant.caused - due[grant.cycle]
-    if period and waited >= SUBSTITUTE_PERIODS * period:
-        behind = int((waited + AHEAD_NS) // period)
-        return grant.cycle + behind, due.get(grant.cycle + behind, due[grant.cycle] + behind * period)
-    return (grant.cycle, due[grant.cycle]) if grant.cycle > cycle_before and waited >= -AHEAD_NS else (None, None)
 
 
 def is_at_the_next_heartbeat(before, switch, heartbeats):
@@ -288,12 +274,6 @@ def fig14d(intervals, switches, heartbeats, payloads, end, target, telecommands,
 # --- figures ---------------------------------------------------------------------------------------------------------
 
 
-def heartbeat_period(heartbeats):
-    """Median distance of heartbeats ({cycle: time}) in ns, 0 with fewer than two."""
-    times = list(heartbeats.values())
-    return int(percentile([b - a for a, b in zip(times, times[1:])], 0.5) or 0)
-
-
 def next_tick_period_ms(least_ms):
     """The shortest tick period of at least so much that timing accepts: it divides the second or is whole seconds."""
     divisors = [p for p in range(1, 1001) if 1000 % p == 0 and p >= least_ms]
@@ -312,7 +292,7 @@ def use_of_the_bus(intervals, heartbeats, begin, end):
     slot = sum(whole_slots) / len(whole_slots) if whole_slots else 0
     work = slot + (sum(whole_processing) / len(whole_processing) if whole_processing else 0)
     span = slots[-1].begin - slots[0].begin if len(slots) > 1 else 0
-    period = heartbeat_period(heartbeats)
+    period = period_of(heartbeats)
     sequential = -(-work // period) * period if period else 0  # heartbeats a slot, rounded up: the bus is switched at heartbeats only
     return {
         "slots": len(slots),

@@ -45,17 +45,32 @@ class FailedSlotsTest(unittest.TestCase):
     def test_a_tick_without_a_grant_and_without_cause_is_a_skip(self):
         seen = rotation.Rotation()
         for cycle in (1, 2, 4, 5):
-            seen.grants[(1, cycle)] = {"holder": "a", "cycle": cycle, "published": cycle * S, "lease_end": cycle * S + 80 * MS, "status": "released",
+            seen.grants[(1, cycle)] = {"holder": "a", "cycle": cycle, "caused": cycle * S, "published": cycle * S, "lease_end": cycle * S + 80 * MS, "status": "released",
                                        "released": cycle * S + 50 * MS, "used_us": 50_000}  # fmt: skip
-        seen.ticks = {cycle: cycle * S for cycle in range(1, 6)}
+        seen.ticks = seen.due = {cycle: cycle * S for cycle in range(1, 6)}
 
         self.assertEqual(seen.skips(), [3 * S])
         self.assertEqual(seen.skipped(), (0, 1))
 
+    def test_a_tick_that_came_when_the_switcher_had_made_it_itself_is_no_skip(self):
+        def granted(at, late):
+            seen = rotation.Rotation()
+            for number, (cycle, caused) in enumerate([(1, 1 * S), (2, 2 * S), (2, at), (4, 4 * S)]):
+                seen.on_message({"type": "flags", "switcher": 1, "grant": number, "holder": "a", "cycle": cycle, "flags": [True], "at_ns": caused,
+                                 "tick_received_ns": caused, "published_ns": caused, "lease_end_ns": caused + 120 * MS})  # fmt: skip
+                seen.on_message({"type": "bus", "switcher": 1, "grant": number, "status": "released", "detail": "", "said_ns": caused + 50 * MS, "used_us": 50_000})
+            for cycle in range(1, 5):
+                at_ns = cycle * S + (late if cycle == 3 else 0)
+                seen.on_message({"type": "tick", "cycle": cycle, "at_ns": at_ns, "due_ns": cycle * S, "published_ns": at_ns})
+            return seen
+
+        self.assertEqual(granted(3 * S + 250 * MS, 400 * MS).skips(), [])
+        self.assertEqual(granted(2 * S + 60 * MS, 0).skips(), [3 * S], "a slot that was handed over early is another one")
+
     def test_a_release_that_is_said_again_to_a_recall_moves_nothing(self):
         def flags(number, holder, at):
             seen.on_message({"type": "flags", "switcher": 1, "grant": number, "holder": holder, "cycle": number, "flags": [True, False], "at_ns": at,
-                             "published_ns": at, "lease_end_ns": at + 120 * MS})  # fmt: skip
+                             "tick_received_ns": at, "published_ns": at, "lease_end_ns": at + 120 * MS})  # fmt: skip
 
         def released(number, at, detail=""):
             seen.on_message({"type": "bus", "switcher": 1, "grant": number, "status": "released", "detail": detail, "said_ns": at, "used_us": 50_000})

@@ -4,6 +4,7 @@
 
 import contextlib
 import io
+import os
 import pathlib
 import subprocess
 import sys
@@ -47,6 +48,23 @@ class LatenessTest(unittest.TestCase):
         busy = self.watched([10 + 0.005 * n for n in range(50)], [(5, 100), (5, 120), (8, 140), (8, 140)])
         self.assertEqual([[round(at / 1e9, 1) for at in interval] for interval in busy["late_at"]], [[10.1, 10.2]])
         self.assertEqual((busy["late"], busy["stolen"]), (0, 0.075))
+
+    def test_what_was_late_on_any_cpu_is_noted_once(self):
+        on_one = self.watched([10.0, 10.006, 10.056, 10.061])
+        on_another = self.watched([10.0, 10.030, 10.035, 10.2])
+        seen = lateness.merged([on_one, on_another])
+
+        self.assertEqual((seen["wakeups"], seen["late"], seen["longest_ms"]), (6, 3, 160.0))
+        self.assertEqual([[round(at / 1e6) for at in interval] for interval in seen["late_at"]], [[10000, 10200]])
+
+    def test_the_witness_sleeps_on_each_cpu(self):
+        with lateness.Lateness() as witness:
+            threads = pathlib.Path(f"/proc/{witness._process.pid}/task")
+            allowed = lambda: {frozenset(os.sched_getaffinity(int(thread.name))) for thread in threads.iterdir()}  # noqa: E731
+            end = time.monotonic() + 30
+            while not {frozenset({cpu}) for cpu in os.sched_getaffinity(0)} <= allowed() and time.monotonic() < end:
+                time.sleep(0.01)
+            self.assertLessEqual({frozenset({cpu}) for cpu in os.sched_getaffinity(0)}, allowed())
 
     def test_the_witness_ends_with_its_report(self):
         with lateness.Lateness() as witness:
