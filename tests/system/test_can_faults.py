@@ -210,8 +210,7 @@ class FenceTest(CanFaultTest):
         """Stops the EPS's payload and waits until the switcher has killed it."""
         pid = flight.node_pid("payload_eps")
         os.kill(pid, signal.SIGSTOP)
-        event = self.wait_for_event(ground, "can_switcher.holder_fenced")
-        self.assertEqual(event["fields"]["payload"], "payload_eps")
+        self.wait_for_event(ground, "can_switcher.holder_fenced", matches=lambda m: m["fields"]["payload"] == "payload_eps")
         wait_until(lambda: flight.node_pid("payload_eps") != pid, DEADLINE_S, "payload_eps has been killed")
 
     def test_behind_a_fenced_holder_one_marker_proves_that_its_frames_are_gone(self):

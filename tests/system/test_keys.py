@@ -19,8 +19,8 @@ class KeysTest(SystemTest):
             result = flight.srfs("lifecycle", "ttc", transition, "--deadline", str(1000 * DEADLINE_S), timeout_s=3 * DEADLINE_S)
             self.assertEqual(result.returncode, 0, result.stdout + result.stderr)
 
-    def ping(self, ground):
-        return ground.command("ping --timeout 2").get("stage") == "completed"
+    def ping(self, ground, patience_s=2):
+        return ground.command(f"ping --timeout {patience_s}").get("stage") == "completed"
 
     def spoil_the_selection(self):
         for copy in ("0", "1"):
@@ -36,7 +36,7 @@ class KeysTest(SystemTest):
             wait_until(lambda: self.ping(ground), DEADLINE_S, "ttc answers")
             self.complete(ground, "tc ttc.select_keys set=b")
             self.assertIsNotNone(ground.wait_for(lambda m: m["type"] == "keys" and m["keys"] == "b", DEADLINE_S))
-            self.assertTrue(self.ping(ground), "both ends use b")
+            self.assertTrue(self.ping(ground, DEADLINE_S), "both ends use b")
             kill(flight, "ttc")
             wait_until(lambda: self.ping(ground), DEADLINE_S, "b is remembered on board")
 
@@ -46,7 +46,7 @@ class KeysTest(SystemTest):
             self.assertIsNotNone(event)
             # The beacon names the selected keys; the tool follows it.
             self.assertIsNotNone(ground.wait_for(lambda m: m["type"] == "keys" and m["keys"] == "a", 2 * DEADLINE_S))
-            self.assertTrue(self.ping(ground))
+            self.assertTrue(self.ping(ground, DEADLINE_S))
             ground.end()
 
             result = self.ground_run("--keys", "b", "ping", "--timeout", "2")

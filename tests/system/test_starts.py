@@ -116,7 +116,7 @@ nodes:
 """)
         self.var.mkdir()
         self.addCleanup(lambda: self.srfs("down"))
-        up = self.srfs("up", "--deadline", "2")
+        up = self.srfs("up", "--deadline", "10")
         said = up.stdout + up.stderr
         self.assertNotEqual(up.returncode, 0, said)
         self.assertRegex(said, r"sleeps is (loading|not running) instead of active")

@@ -9,6 +9,7 @@ Times are those of the nodes themselves (tick due, flag published), so that a re
 
 import contextlib
 import json
+import select
 import subprocess
 
 from srfs.flight.deployments import NODES, PAYLOADS
@@ -19,6 +20,8 @@ from srfs.report import all_ok, check, check_none, quantiles, show_checks, write
 ROLES = ("huge", "random", "events")
 TIMES_SLOWER = 2  # goal: p99 of tick to flag, beside that of the calm
 MORE_KIB = 1024  # goal: what a node keeps of a flood
+LEAST_TICKS = 5  # with their flags, of a phase that is judged
+BEGIN_S = 60  # for them, and until the strangers have sent something
 SETTLE_S = 15  # a sample left unfinished is given up after 10 s
 
 
@@ -64,9 +67,11 @@ class Strangers:
         with contextlib.ExitStack() as stack:
             floods = {role: stack.enter_context(Flood(self.program, self.flight.domain, role)) for role in roles}
             self._observe("flood", seconds)
+            self.signals.wait_until(lambda: all(flood.has_told() for flood in floods.values()), BEGIN_S, "the strangers send")
             self._remember("during")
         self.sent = {role: flood.sent for role, flood in floods.items()}
-        self._observe("afterwards", settle_s)
+        self._begin("afterwards", settle_s)
+        self.signals.pause(settle_s)
         self._remember("after")
         self.restarts = self.flight.restarts()
 
@@ -75,10 +80,14 @@ class Strangers:
         if self.phases:
             self.phases[-1].on_message(message)
 
-    def _observe(self, name, seconds):
+    def _begin(self, name, seconds):
         self.say(f"{name}: {seconds:.0f} s")
         self.phases.append(Phase(name))
+
+    def _observe(self, name, seconds):
+        self._begin(name, seconds)
         self.signals.pause(seconds)
+        self.signals.wait_until(lambda: len(self.phases[-1].tick_to_flag_us()) >= LEAST_TICKS, BEGIN_S, f"{LEAST_TICKS} ticks were recorded")
 
     def _remember(self, when):
         """Resident memory of each node in KiB, free memory of malloc() included."""
@@ -128,6 +137,10 @@ class Flood:
 
     def __enter__(self):
         return self
+
+    def has_told(self):
+        """It tells how much it has sent."""
+        return bool(select.select([self._process.stdout], [], [], 0)[0])
 
     def __exit__(self, kind, value, traceback):
         self._process.terminate()
