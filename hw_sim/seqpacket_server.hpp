@@ -50,7 +50,8 @@ class SeqpacketServer {
   std::uint64_t refused_ = 0;
 };
 
-/// One request and its reply as a client. Blocks up to @p patience. Error: ready to print.
+/// One request and its reply as a client. Blocks up to @p patience, which begins anew when this
+/// process was stopped. Error: ready to print.
 [[nodiscard]] Result<std::string, std::string> ask_seqpacket(const std::filesystem::path& path,
                                                              const std::string& request,
                                                              milliseconds patience);

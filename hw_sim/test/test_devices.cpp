@@ -38,7 +38,7 @@ TEST(Control, WhatAsksMayBeStoppedMeanwhile) {
   if (asker == 0)
     _exit(ask_seqpacket(path, "what?", seconds(60)) == Result<std::string, std::string>("that") ? 0 : 1);
   pollfd wait{.fd = listener.get(), .events = POLLIN, .revents = 0};
-  ASSERT_EQ(poll(&wait, 1, -1), 1);
+  ASSERT_EQ(poll(&wait, 1, 60'000), 1);
   const Fd client(accept4(listener.get(), nullptr, nullptr, SOCK_CLOEXEC));
   std::array<char, 8> request{};
   ASSERT_EQ(recv(client.get(), request.data(), request.size(), 0), 5);

@@ -170,6 +170,7 @@ class MonitoringTest(SystemTest):
             # A ttc that has just started orders before the recorder knows it; the payload's reports name these.
             reported = {m["id"] & 0xFFFFFFFF for m in recorder.select(lambda m: m["type"] == "report" and m["node"] == "payload_eps")}
             self.assertLessEqual(set(found["last"]), ordered() | reported)
+            self.assertLessEqual(len(set(found["last"]) - ordered()), TURNS, "one for each ttc")
             actions = found["count"] - TURNS - 4
             self.assertGreaterEqual(actions, 4, "actions were released")
 

@@ -47,13 +47,15 @@ class ScheduleTest(OnceTest):
         report = ground.wait_for(lambda m: m["type"] == "schedule" and m["report"] == "summary", DEADLINE_S, since)
         return [(a["release"], a["apid"], a["sequence"]) for a in report["activities"]]
 
-    def judge_executions(self, flight, recorder, count):
+    def judge_executions(self, flight, recorder, count, kills=0):
         """Each of the @p count telecommands is executed once."""
         found = {peripheral: self.executed(flight, peripheral) for peripheral in PERIPHERALS}
         self.assertEqual(sum(f["count"] for f in found.values()), count, found)
         # A ttc that has just started orders before the recorder knows it; the payload's reports name these.
         published = {m["id"] & 0xFFFFFFFF: m["node"] for m in recorder.select(lambda m: m["type"] == "report" and m["node"].startswith("payload_"))}
-        published |= {m["id"] & 0xFFFFFFFF: m["target"] for m in recorder.select(lambda m: m["type"] == "telecommand")}
+        ordered = {m["id"] & 0xFFFFFFFF: m["target"] for m in recorder.select(lambda m: m["type"] == "telecommand")}
+        self.assertLessEqual(len({number for f in found.values() for number in f["last"]} - set(ordered)), kills, "one for each ttc")
+        published |= ordered
         for peripheral, f in found.items():
             self.assertEqual(len(set(f["last"])), len(f["last"]), f"executed twice at {peripheral}")
             self.assertLessEqual({published[number] for number in f["last"]}, {f"payload_{peripheral}"})
@@ -105,7 +107,7 @@ class KilledAroundTheReleaseTest(ScheduleTest):
             for line in lines:
                 self.wait_for_stage(ground, line, "completed", PATIENCE_S + DEADLINE_S)
             self.assertEqual(self.listed(ground), [])
-            self.judge_executions(flight, recorder, len(lines))
+            self.judge_executions(flight, recorder, len(lines), KILLS)
 
 
 if __name__ == "__main__":

@@ -638,7 +638,7 @@ def summarize(campaign):
     soak = len(campaign.usage) > 0  # a long time on a busy machine: some answers come too late
     telecommands = witness.telecommands_of(campaign.messages)
     excuses = Excuses(campaign.machine, campaign.waiting)
-    why_late = lambda payload, begin, end: excuses.find(("hw_sim", "can_switcher", payload), begin, end)  # noqa: E731
+    why_late = lambda payload, begin, end: excuses.find(("hw_sim",), begin, end)  # noqa: E731  the peripherals, which are not on board
     others, with_ttc, unheard = sort_telecommands([m for m in campaign.messages if m["type"] == "tc_stage"], campaign.trials)
     judged = [
         *witness.executed_once(telecommands, campaign.executions.of, soak, campaign.machine["late_at"], why_late),

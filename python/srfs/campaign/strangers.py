@@ -66,8 +66,8 @@ class Strangers:
         self._remember("before")
         with contextlib.ExitStack() as stack:
             floods = {role: stack.enter_context(Flood(self.program, self.flight.domain, role)) for role in roles}
+            self.signals.wait_until(lambda: all(flood.sends() for flood in floods.values()), BEGIN_S, "the strangers send")
             self._observe("flood", seconds)
-            self.signals.wait_until(lambda: all(flood.has_told() for flood in floods.values()), BEGIN_S, "the strangers send")
             self._remember("during")
         self.sent = {role: flood.sent for role, flood in floods.items()}
         self._begin("afterwards", settle_s)
@@ -138,9 +138,9 @@ class Flood:
     def __enter__(self):
         return self
 
-    def has_told(self):
+    def sends(self):
         """It tells how much it has sent."""
-        return bool(select.select([self._process.stdout], [], [], 0)[0])
+        return self._process.poll() is None and bool(select.select([self._process.stdout], [], [], 0)[0])
 
     def __exit__(self, kind, value, traceback):
         self._process.terminate()

@@ -210,14 +210,14 @@ def told_to_the_ground(stages, soak=False, late=(), overloads=(), why_late=never
         last[m["line"]] = m
     for m in last.values():
         begin, end = first[m["line"]]["at_ns"], m["at_ns"]
-        is_excused = why_late("payload_" + m["command"].split(".")[0], begin, end)
         allowed = REFUSALS | {INTERRUPTED, EXPIRED}
-        if soak or m["command"].endswith(".reset_peripheral") or was_late(late, begin, end) or is_excused:
+        if soak or m["command"].endswith(".reset_peripheral") or was_late(late, begin, end):
             allowed |= UNANSWERED
-        if was_late(overloads, begin, end) or is_excused:
+        if was_late(overloads, begin, end):
             allowed |= {NOT_TAKEN}
-        if is_excused:
-            allowed |= {COMPLETION_UNKNOWN}
+        fails = m["final"] and not m["success"] and m["code"] not in allowed
+        if fails and why_late("payload_" + m["command"].split(".")[0], begin, end):
+            allowed |= UNANSWERED | {NOT_TAKEN, COMPLETION_UNKNOWN}
         if not m["final"]:
             wrong.append(f"{m['command']} (line {m['line']}): {m['stage']}, and no end")
         elif not m["success"] and m["code"] not in allowed:

@@ -2,8 +2,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """Whether this machine had time for the suite. Two witnesses, processes of their own, so that nothing the asking program does can delay them.
 
-Lateness sleeps on each CPU, and sees how much too late it wakes: what a hypervisor or the kernel takes from every process there. It does not see that others
-are busy as well, for a process that sleeps much goes first. Waiting reads how long each process of a suite was ready to run and had no CPU.
+Lateness sleeps, and sees how much too late it wakes: what a hypervisor or the kernel takes from every process. It does not see that others
+are busy as well, for a process that sleeps much goes first. Some of its threads keep to one CPU each, and count what a hypervisor takes there;
+what they waited for a CPU that another thread had is none of it. Waiting reads how long each process of a suite was ready to run and had no CPU.
 Standard library only.
 """
 
@@ -20,6 +21,7 @@ PERIOD_S = 0.005
 LATE_S = 0.020  # what the nodes allow a callback; a peripheral has 25 ms for its answer
 LOOK_S = 0.1  # how often the witness asks what was stolen
 TICK_S = 0.01  # unit of /proc/stat (USER_HZ)
+MOST_CPUS = 8  # that it sleeps on
 MOST_LATE = 100_000  # intervals it notes, hours of a bad host; later ones are counted only
 WAIT_LOOK_S = 0.2  # how often the other one reads what the processes waited
 LEAST_WAIT_NS = 1_000_000  # what it notes
@@ -190,8 +192,9 @@ def _read_cpu_times():
         return 0, 0
 
 
-def watch(sleep, now=time.monotonic, read=_read_cpu_times):
-    """Has sleep() sleep for PERIOD_S again and again until it returns True. What it sees has the form of Lateness.end()."""
+def watch(sleep, now=time.monotonic, read=_read_cpu_times, waited=lambda: 0.0):
+    """Has sleep() sleep for PERIOD_S again and again until it returns True. What it sees has the form of Lateness.end().
+    waited(): for how many s it has waited so far for a CPU that another thread had; this does not count as late."""
     wakeups, late, longest_s, late_at = 0, 0, 0.0, []
 
     def note(begin_s, end_s):
@@ -203,10 +206,11 @@ def watch(sleep, now=time.monotonic, read=_read_cpu_times):
 
     at_first = seen = read()
     asleep = looked = now()
-    since_looked_s = 0.0
+    since_looked_s, waited_s = 0.0, waited()
     while not sleep():
         awake = now()
-        over_s = awake - asleep - PERIOD_S
+        before, waited_s = waited_s, waited()
+        over_s = awake - asleep - PERIOD_S - (waited_s - before)
         wakeups += 1
         longest_s = max(longest_s, over_s)
         since_looked_s += over_s
@@ -231,25 +235,32 @@ def merged(seen):
             late_at[-1][1] = max(end, late_at[-1][1])
         else:
             late_at.append([begin, end])
-    return {"wakeups": sum(one["wakeups"] for one in seen), "late": sum(one["late"] for one in seen),
+    return {"wakeups": sum(one["wakeups"] for one in seen), "late": max(one["late"] for one in seen),
             "longest_ms": max(one["longest_ms"] for one in seen), "stolen": max(one["stolen"] for one in seen), "late_at": late_at}  # fmt: skip
 
 
-def watch_each_cpu(sleep):
-    """watch() in a thread on each CPU that this process may use."""
-    seen = []
-
-    def watch_one(cpu):
-        with contextlib.suppress(OSError):  # it has gone meanwhile
+def watch_on(cpu, sleep):
+    """watch() on one CPU; None where that is not possible, or where the kernel does not tell what a thread waited."""
+    try:
+        with open(f"/proc/self/task/{threading.get_native_id()}/schedstat", "rb", buffering=0) as file:
+            waited = lambda: int(os.pread(file.fileno(), 96, 0).split()[1]) / 1e9  # noqa: E731
+            waited()
             os.sched_setaffinity(0, {cpu})  # of this thread
-        seen.append(watch(sleep))
+            return watch(sleep, read=lambda: (0, 0), waited=waited)
+    except (OSError, ValueError, IndexError):
+        return None
 
-    threads = [threading.Thread(target=watch_one, args=(cpu,)) for cpu in os.sched_getaffinity(0)]
+
+def watch_all(sleep):
+    """watch() in this thread, and in one for each CPU."""
+    seen = []
+    threads = [threading.Thread(target=lambda cpu=cpu: seen.append(watch_on(cpu, sleep))) for cpu in sorted(os.sched_getaffinity(0))[:MOST_CPUS]]
     for thread in threads:
         thread.start()
+    own = watch(sleep)
     for thread in threads:
         thread.join()
-    return merged(seen)
+    return merged([own, *filter(None, seen)])
 
 
 def name_of(words, var):
@@ -294,4 +305,4 @@ if __name__ == "__main__":
     if sys.argv[1:2] == ["--waiting"]:
         print(json.dumps(watch_waiting(sys.argv[2], is_asked)), flush=True)
     else:
-        print(json.dumps(watch_each_cpu(lambda: is_asked(PERIOD_S))), flush=True)
+        print(json.dumps(watch_all(lambda: is_asked(PERIOD_S))), flush=True)

@@ -148,23 +148,25 @@ def processing_follows(intervals, end):
     return check(judged and wrong == 0, f"data processing follows every use of the bus, {wrong} of {judged} without")
 
 
-def is_at_the_next_heartbeat(before, switch, heartbeats):
+def is_at_the_next_heartbeat(before, switch, heartbeats, bound_ns):
+    """bound_ns: so near each other the switcher may hear a release and a heartbeat in the other order."""
     if switch.cycle is None or before.cycle is not None and switch.cycle <= before.cycle:
         return False
-    was_heard = before.slot.end + RELEASE_BOUND_NS
-    passed_over = any(t > was_heard and cycle < switch.cycle for cycle, t in heartbeats.items())
-    came_before_the_release = switch.due < before.slot.end - RELEASE_BOUND_NS
+    passed_over = any(t > before.slot.end + bound_ns and cycle < switch.cycle for cycle, t in heartbeats.items())
+    came_before_the_release = switch.due < before.slot.end - bound_ns
     return not passed_over and not came_before_the_release and switch.slot.begin >= switch.due - AHEAD_NS
 
 
 def switched_at_the_next_heartbeat(switches, heartbeats):
     """"... to the next node at the next heartbeat after each payload node completes its use of the bus."
 
-    Which heartbeat it was is judged here, and not how late the switch came. A release and a heartbeat so near each other that the
-    switcher may hear them in the other order are taken in either.
+    Which heartbeat it was is judged here, and not how late the switch came. On a busy machine the switcher may hear a release and a
+    heartbeat in the other order now and then: RELEASE_BOUND_NS excuses it for a quarter of the switches at most.
     """
-    wrong = sum(not is_at_the_next_heartbeat(*pair, heartbeats) for pair in zip(switches, switches[1:]))
-    wrong += bool(switches) and switches[0].cycle is None
+    pairs = list(zip(switches, switches[1:]))
+    exactly, nearly = (sum(is_at_the_next_heartbeat(*pair, heartbeats, bound_ns) for pair in pairs) for bound_ns in (0, RELEASE_BOUND_NS))
+    right = nearly if 4 * (nearly - exactly) <= len(pairs) else exactly
+    wrong = len(pairs) - right + (bool(switches) and switches[0].cycle is None)
     return check(switches[1:] and wrong == 0, f"every switch comes at the first heartbeat after the release, {wrong} of {len(switches)} do not")
 
 
@@ -176,20 +178,22 @@ def delays(switches):
 def switched_soon(switches):
     found = delays(switches)
     late = sum(delay > LATE_NS for delay in found)
+    medians = [percentile(delays([s for s in switches if s.slot.payload == payload]), 0.5) for payload in {s.slot.payload for s in switches}]
     return [
-        check(found and percentile(found, 0.5) <= SWITCH_BOUND_NS, f"half of the switches come within {SWITCH_BOUND_NS // MS} ms of their heartbeat"),
+        check(found and max(median or 0 for median in medians) <= SWITCH_BOUND_NS,
+              f"half of the switches to each payload come within {SWITCH_BOUND_NS // MS} ms of their heartbeat"),
         check(found and late == 0, f"every switch comes within {LATE_NS // MS} ms of its heartbeat, {late} of {len(found)} come later than that"),
     ]
 
 
 def blocked_heartbeats(switches, heartbeats):
-    """[(slot, heartbeats that came while it had the bus)] without the one that gave it."""
+    """[(switch, heartbeats that came while its payload had the bus)] without the one that gave it."""
     found = []
     for switch in switches:
         slot = switch.slot
         inside = [t for cycle, t in heartbeats.items() if slot.begin < t < slot.end and cycle != switch.cycle]
         if inside:
-            found.append((slot, inside))
+            found.append((switch, inside))
     return found
 
 
@@ -222,12 +226,13 @@ def fig14a(intervals, switches, heartbeats, payloads, end):
 
 def fig14b(intervals, switches, heartbeats, payloads, end, slow):
     """CAN bus blocked: one payload uses the bus for longer than anticipated."""
-    blocked = blocked_heartbeats(switches, heartbeats)
-    others = sum(slot.payload != slow for slot, _ in blocked)
+    blocked = [switch for switch, _ in blocked_heartbeats(switches, heartbeats)]
+    own = [s for s in blocked if s.slot.payload == slow]
+    others = [s for s in blocked if s not in own and (s.due is None or s.slot.begin - s.due <= SWITCH_BOUND_NS)]
     return [
         *common(intervals, switches, heartbeats, payloads, end),
-        check(len(blocked) > others, f"{slow} has the bus over a heartbeat ({len(blocked) - others} times)"),
-        check(4 * others <= len(blocked), f"{slow} is what blocks the switch, others did {others} times"),
+        check(own, f"{slow} has the bus over a heartbeat ({len(own)} times)"),
+        check(not others, f"only {slow} blocks the switch, but for slots that began late: {len(others)} others"),
         no_async(intervals, payloads),
     ]
 
