@@ -87,14 +87,12 @@ IsoTpChannel::IsoTpChannel(IsoTpAddress outgoing, IsoTpSettings settings)
 
 void IsoTpChannel::advance(MonotonicTime now) {
   now_ = std::max(now_, now);
-  expire();
-}
-
-void IsoTpChannel::expire() {
   if (!settings_.await_confirmation && !hand_out_again_) {
     while (in_flight_ > 0) frame_left(0);
   }
+}
 
+void IsoTpChannel::expire() {
   while (in_flight_ > 0 && now_ >= confirm_deadline_) {
     ++counters_.timeouts_as;
     if (flying_[0].kind == FrameKind::message_frame) {
@@ -144,6 +142,7 @@ std::optional<MonotonicTime> IsoTpChannel::next_deadline() const {
 
 Result<void, IsoTpError> IsoTpChannel::send(OctetView message, MonotonicTime now) {
   advance(now);
+  expire();
   if (message.empty()) return Err(IsoTpError::empty_message);
   if (message.size() > isotp_max_message) return Err(IsoTpError::message_too_long);
   if (sending() || send_result_) return Err(IsoTpError::busy);
@@ -252,6 +251,7 @@ CanDataFrame IsoTpChannel::hand_out(const CanDataFrame& frame, FrameKind kind) {
 
 std::optional<CanDataFrame> IsoTpChannel::poll(MonotonicTime now) {
   advance(now);
+  expire();
   if (hand_out_again_) {
     if (now < *hand_out_again_) return std::nullopt;
     hand_out_again_.reset();

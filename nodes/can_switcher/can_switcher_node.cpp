@@ -301,6 +301,8 @@ void CanSwitcherNode::run(HoldoverActions actions) {
 }
 
 void CanSwitcherNode::carry_out(const Beat& action) {
+  // This thread may be the late one: a release that waits in the reader does not block the beat.
+  statuses_->take_waiting();
   // A deadline that passed while the tick was on its way comes first.
   on_deadline();
   RotationActions actions = rotation_->on_tick(monotonic_now(), holdover_.cycle(), action.received);

@@ -13,6 +13,8 @@ namespace srfs {
 namespace {
 
 constexpr std::uint32_t silent_slots_to_report = 3;
+/// Behind a deadline; a thread that looks sooner is in time, whatever the peripheral sends.
+constexpr nanoseconds late_look = milliseconds(2);
 
 FailureCode failure_of(wire::PeripheralResult result) {
   switch (result) {
@@ -241,6 +243,12 @@ MonotonicTime PayloadCycle::answer_deadline(MonotonicTime now) const {
   return std::min(now + settings_.answer_timeout, flag_.allotted_end);
 }
 
+void PayloadCycle::await_answer(Step step, MonotonicTime now) {
+  step_ = step;
+  deadline_ = answer_deadline(now);
+  was_late_ = false;
+}
+
 bool PayloadCycle::time_for_request(MonotonicTime now) const {
   return now + settings_.command_time <= flag_.allotted_end;
 }
@@ -248,8 +256,7 @@ bool PayloadCycle::time_for_request(MonotonicTime now) const {
 // ---------------------------------------------------------------- the peripheral
 
 void PayloadCycle::wake_up(MonotonicTime now) {
-  step_ = Step::waking;
-  deadline_ = answer_deadline(now);
+  await_answer(Step::waking, now);
   act(SendRequest{wire::WakeUpRequest{}});
 }
 
@@ -315,8 +322,7 @@ void PayloadCycle::execute(const StoredTelecommand& telecommand, MonotonicTime n
   const auto id = static_cast<std::uint32_t>(telecommand.id);
   journal_.begin();
   if (const auto* function = std::get_if<PeripheralFunction>(&*command)) {
-    step_ = Step::commanding;
-    deadline_ = answer_deadline(now);
+    await_answer(Step::commanding, now);
     act(SendRequest{wire::CommandRequest{id, function->function, function->arguments}});
   } else if (const auto* cycle = std::get_if<PowerCyclePeripheral>(&*command)) {
     power_command_ = cycle->off_time;
@@ -343,9 +349,8 @@ void PayloadCycle::send_order(const StandingOrder& order, MonotonicTime now) {
   constexpr unsigned microsecond_bits = 10;
   const auto clock = static_cast<std::uint32_t>(now.ns() >> microsecond_bits);
   order_id_ = order_id_ == 0 ? clock | orders : (order_id_ + 1) | orders;
-  step_ = Step::ordering;
+  await_answer(Step::ordering, now);
   orders_changed_ = false;
-  deadline_ = answer_deadline(now);
   act(SendRequest{wire::CommandRequest{order_id_, order.function, order.arguments}});
 }
 
@@ -467,6 +472,14 @@ void PayloadCycle::on_no_answer(RequestFailure why, const std::string& detail, M
   fail_slot(detail, now);
 }
 
+void PayloadCycle::on_silence(const std::string& detail, MonotonicTime now) {
+  if (was_late_) {
+    on_no_answer(RequestFailure::not_sent, "the answer came, and this node was late", now);
+  } else {
+    on_no_answer(RequestFailure::silent, detail, now);
+  }
+}
+
 void PayloadCycle::retry_command(FailureCode why) {
   if (step_ == Step::resetting && reset_ordered_) return;
   (void)journal_.attempt_failed(why);
@@ -568,6 +581,12 @@ std::optional<MonotonicTime> PayloadCycle::next_deadline() const {
   return std::min(*deadline_, *power_deadline_);
 }
 
+void PayloadCycle::on_frames_waited(MonotonicTime now) {
+  const bool awaits_answer = step_ == Step::waking || step_ == Step::commanding || step_ == Step::ordering;
+  if (!awaits_answer || now < *deadline_ + late_look || std::exchange(was_late_, true)) return;
+  deadline_ = answer_deadline(now);
+}
+
 PayloadActions PayloadCycle::on_deadline(MonotonicTime now) {
   if (power_deadline_ && now >= *power_deadline_) on_power_deadline();
   if (!deadline_ || now < *deadline_) return finish();
@@ -576,13 +595,13 @@ PayloadActions PayloadCycle::on_deadline(MonotonicTime now) {
       deadline_.reset();
       break;
     case Step::waking:
-      on_no_answer(RequestFailure::silent, "no answer to the wake-up", now);
+      on_silence("no answer to the wake-up", now);
       break;
     case Step::commanding:
-      on_no_answer(RequestFailure::silent, "no answer to a telecommand", now);
+      on_silence("no answer to a telecommand", now);
       break;
     case Step::ordering:
-      on_no_answer(RequestFailure::silent, "no answer to an order of the mode", now);
+      on_silence("no answer to an order of the mode", now);
       break;
     case Step::resetting:
       on_no_answer(RequestFailure::silent, fmt::format("{}; no answer to the reset", reset_reason_), now);

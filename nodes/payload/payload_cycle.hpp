@@ -225,6 +225,11 @@ class PayloadCycle {
   PayloadActions on_journal_written(std::uint64_t revision, bool ok, MonotonicTime now);
   /// @param was_on  before, where that could be read
   PayloadActions on_power_switched(bool on, bool ok, MonotonicTime now, bool was_on = true);
+  /// Frames of the peripheral were waiting to be read. If the answer's deadline passed a while ago, this
+  /// thread is the late one: the rest of the answer has the answer timeout once more, within the slot, once
+  /// for each request; and an answer that does not come in this time either is no silence of the peripheral.
+  /// Before on_deadline().
+  void on_frames_waited(MonotonicTime now);
   PayloadActions on_deadline(MonotonicTime now);
   [[nodiscard]] std::optional<MonotonicTime> next_deadline() const;
 
@@ -298,6 +303,7 @@ class PayloadCycle {
   void send_reset(bool ordered, const std::string& reason, MonotonicTime now);
   void on_reset_answered(MonotonicTime now);
   void on_no_answer(RequestFailure why, const std::string& detail, MonotonicTime now);
+  void on_silence(const std::string& detail, MonotonicTime now);
   void count_silence(const std::string& detail);
   /// The slot ends in the middle of whatever it was doing.
   void abandon_slot(const std::string& detail, MonotonicTime now);
@@ -317,6 +323,7 @@ class PayloadCycle {
   /// When the own frames must have left, or are taken back.
   [[nodiscard]] MonotonicTime drain_deadline(MonotonicTime now) const;
   [[nodiscard]] MonotonicTime answer_deadline(MonotonicTime now) const;
+  void await_answer(Step step, MonotonicTime now);
   [[nodiscard]] bool time_for_request(MonotonicTime now) const;
 
   PayloadSettings settings_;
@@ -340,6 +347,7 @@ class PayloadCycle {
   std::optional<MonotonicTime> measured_;  ///< grant of the slot with the last measurement
   bool stuck_counted_ = false;
   bool withdrawn_ = false;      ///< in this slot
+  bool was_late_ = false;       ///< this thread, for the answer under way
   bool reset_ordered_ = false;  ///< the running reset was ordered by the switcher, else by telecommand
   std::string reset_reason_;
   std::optional<nanoseconds> power_command_;  ///< power cycle by telecommand after the release

@@ -450,7 +450,11 @@ void PayloadNode::on_telecommand(const srfs_msgs::msg::Telecommand& m) {
   run(cycle_->on_telecommand(from_message(m), monotonic_now()));
 }
 
+/// This thread may be the late one: what waits in the socket counts before a deadline is judged, and nothing
+/// is sent before that.
 void PayloadNode::on_can_input() {
+  const MonotonicTime t = monotonic_now();
+  const std::uint32_t received = frames_received_;
   for (int i = 0; i < frames_per_turn; ++i) {
     const auto frame = can_->receive();
     if (!frame) break;
@@ -460,9 +464,12 @@ void PayloadNode::on_can_input() {
     // The request left no trace on the bus: that is no silence of the peripheral.
     bus_offs_seen_ = can_->counters().bus_off;
     link_->abort();
-    run(cycle_->on_request_failed(RequestFailure::not_sent, hw::to_string(hw::CanError::bus_off),
-                                  monotonic_now()));
+    run(cycle_->on_request_failed(RequestFailure::not_sent, hw::to_string(hw::CanError::bus_off), t));
   }
+  take_outcomes();
+  check_quiet();
+  if (frames_received_ != received) cycle_->on_frames_waited(t);
+  run(cycle_->on_deadline(t));
   pump();
   check_quiet();
   arm_timer();
@@ -484,8 +491,7 @@ void PayloadNode::on_can_frame(const hw::CanFrame& frame) {
   if (!cycle_->expects_frames()) run(cycle_->on_unsolicited_frame(t));
 }
 
-/// Puts what the channel has to say on the bus, under the lease, and hands the outcome of the request to the
-/// cycle.
+/// Puts what the channel has to say on the bus, under the lease.
 void PayloadNode::pump() {
   while (const auto frame = link_->poll(monotonic_now())) {
     const auto sent = leased_->send(to_can_frame(*frame), grant_, monotonic_now());
@@ -500,6 +506,11 @@ void PayloadNode::pump() {
       return;
     }
   }
+  take_outcomes();
+}
+
+/// Of the request, for the cycle.
+void PayloadNode::take_outcomes() {
   while (auto outcome = link_->take_outcome()) {
     if (*outcome) {
       run(cycle_->on_answer(**outcome, monotonic_now()));
@@ -527,8 +538,7 @@ suite::WorkStatus PayloadNode::work_status() const {
 
 void PayloadNode::on_timer() {
   armed_.reset();
-  pump();
-  run(cycle_->on_deadline(monotonic_now()));
+  on_can_input();
 }
 
 void PayloadNode::arm_timer() {

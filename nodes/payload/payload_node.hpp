@@ -71,6 +71,7 @@ class PayloadNode : public suite::Node {
   void on_can_frame(const hw::CanFrame& frame);
   void on_timer();
   void pump();
+  void take_outcomes();
   void check_quiet();
 
   // Output

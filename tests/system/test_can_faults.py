@@ -41,6 +41,9 @@ class CanFaultTest(SystemTest):
         self.assertEqual(restarts(flight), self.restarts)
         self.assertEqual([node["state"] for node in flight.status()], ["active"] * 9)
 
+    def is_slot_of_eps(self, message, *statuses):
+        return message["type"] == "bus" and message["payload"] == "payload_eps" and message["status"] in statuses
+
 
 class BusOffTest(CanFaultTest):
     def test_the_computer_comes_back_by_the_restart_time_of_its_interface(self):
@@ -77,7 +80,7 @@ class BusOffTest(CanFaultTest):
             since = recorder.position()
 
             def hit():
-                taken = recorder.wait_for(lambda m: self.is_eps(m, "taken"), DEADLINE_S, recorder.position())
+                taken = recorder.wait_for(lambda m: self.is_slot_of_eps(m, "taken"), DEADLINE_S, recorder.position())
                 self.assertIsNotNone(taken)
                 flight.control({"can": {"bus_off": "computer"}})
                 after = recorder.position()
@@ -88,9 +91,6 @@ class BusOffTest(CanFaultTest):
             flight.control({"peripheral": "eps", "fault": "none"})
             self.wait_for_all(recorder, "released", 3)
             self.assert_nobody_was_restarted(flight)
-
-    def is_eps(self, message, status):
-        return message["type"] == "bus" and message["payload"] == "payload_eps" and message["status"] == status
 
     def off_the_bus(self, recorder, since):
         return any(m["detail"] == "bus off" for payload in PAYLOADS for m in slots(recorder, payload, "failed", since))
@@ -198,6 +198,35 @@ class UnattendedPeripheralTest(CanFaultTest):
 
     def powered(self, flight):
         return flight.control({"query": "counters"})["peripherals"]["eps"]["powered"]
+
+
+class LateHolderTest(CanFaultTest):
+    LATE_MS, ANSWER_TIMEOUT_MS = 15, 25  # of the peripheral; default of the payloads
+
+    def test_a_payload_that_got_no_cpu_takes_the_answer_that_waits_and_does_not_blame_its_peripheral(self):
+        with self.flight(self.deployment(*LONG_LEASES)) as flight:
+            recorder = flight.recorder()
+            self.wait_for_rotation(flight, recorder)
+            flight.control({"peripheral": "eps", "fault": "late", "delay_ms": self.LATE_MS})
+            pid, since = flight.node_pid("payload_eps"), recorder.position()
+
+            def hit():
+                taken = recorder.wait_for(lambda m: self.is_slot_of_eps(m, "taken"), DEADLINE_S, recorder.position())
+                self.assertIsNotNone(taken)
+                os.kill(pid, signal.SIGSTOP)
+                stopped_ms = (time.monotonic_ns() - taken["said_ns"]) / 1e6
+                time.sleep(0.03)
+                continued_ns = time.monotonic_ns()
+                os.kill(pid, signal.SIGCONT)
+                ended = recorder.wait_for(lambda m: self.is_slot_of_eps(m, "released", "failed") and m["grant"] == taken["grant"], DEADLINE_S, since)
+                self.assertIsNotNone(ended)
+                missed_it = stopped_ms < self.LATE_MS and (continued_ns - taken["said_ns"]) / 1e6 > self.ANSWER_TIMEOUT_MS
+                return missed_it and ended["status"] == "released" and ended["said_ns"] > continued_ns
+
+            wait_until(hit, DEADLINE_S, "a slot was used though its payload was stopped from before the answer until behind its deadline")
+            flight.control({"peripheral": "eps", "fault": "none"})
+            self.wait_for_all(recorder, "released", 2)
+            self.assert_nobody_was_restarted(flight)
 
 
 class FenceTest(CanFaultTest):

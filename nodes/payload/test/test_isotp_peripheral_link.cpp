@@ -1,5 +1,7 @@
 // SPDX-FileCopyrightText: 2026 SRFS contributors
 // SPDX-License-Identifier: Apache-2.0
+#include <vector>
+
 #include <gtest/gtest.h>
 
 #include "nodes/payload/isotp_peripheral_link.hpp"
@@ -80,6 +82,42 @@ TEST_F(IsoTpPeripheralLinkTest, CallsADamagedAnswerGarbage) {
   const auto outcome = link.take_outcome();
   ASSERT_TRUE(outcome && !*outcome);
   EXPECT_EQ(outcome->error().kind, RequestFailure::garbage);
+}
+
+TEST_F(IsoTpPeripheralLinkTest, TakesWhatWaitedHoweverLateItsThreadLooks) {
+  constexpr nanoseconds late = milliseconds(100);  // behind each time-out of the channel
+  link.request(wire::WakeUpRequest{}, now);
+  const auto request = link.poll(now);
+  ASSERT_TRUE(request.has_value());
+  peripheral.on_frame(*request, now);
+  ASSERT_TRUE(
+      peripheral
+          .send(wire::encode(wire::PeripheralResponse{
+                    received().sequence, wire::WakeUpResponse{wire::PeripheralStatus::ready, 1, Octets(65)}}),
+                now)
+          .has_value());
+  const auto first = peripheral.poll(now);
+  ASSERT_TRUE(first.has_value());
+
+  // The echo of the request and the first frame have waited.
+  now += late;
+  link.on_transmit_confirm(*request, now);
+  link.on_frame(*first, now);
+  EXPECT_FALSE(link.take_outcome().has_value());
+  const auto clear_to_send = link.poll(now);
+  ASSERT_TRUE(clear_to_send.has_value());
+  peripheral.on_frame(*clear_to_send, now);
+  std::vector<wire::CanDataFrame> rest;
+  while (const auto frame = peripheral.poll(now)) rest.push_back(*frame);
+  ASSERT_EQ(rest.size(), 10U);
+
+  // So have the echo of the flow control and all consecutive frames.
+  now += late;
+  link.on_transmit_confirm(*clear_to_send, now);
+  for (const wire::CanDataFrame& frame : rest) link.on_frame(frame, now);
+  const auto outcome = link.take_outcome();
+  ASSERT_TRUE(outcome && *outcome);
+  EXPECT_EQ(std::get<wire::WakeUpResponse>((*outcome)->body).measurement.size(), 65U);
 }
 
 TEST_F(IsoTpPeripheralLinkTest, CallsAnAnswerThatBreaksOffSilence) {

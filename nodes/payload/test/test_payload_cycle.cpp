@@ -139,6 +139,57 @@ TEST_F(PayloadCycleTest, ReleasesAsFailedWhenThePeripheralNeverAnswers) {
   EXPECT_EQ(cycle.statistics().peripheral_timeouts, 1U);
 }
 
+TEST_F(PayloadCycleTest, HasMoreTimeOnceForAnAnswerOfWhichFramesWaitedWhenItWasLateItself) {
+  grant();
+  now += milliseconds(30);
+  cycle.on_frames_waited(now);
+  EXPECT_TRUE(cycle.on_deadline(now).empty());
+  EXPECT_EQ(cycle.next_deadline(), now + milliseconds(25));
+  EXPECT_NE(find<AwaitQuiet>(wake()), nullptr);
+  EXPECT_EQ(find<PublishStatus>(quiet())->kind, Kind::released);
+  EXPECT_EQ(cycle.statistics().peripheral_timeouts, 0U);
+
+  now += milliseconds(70);
+  grant();
+  now += milliseconds(28);
+  cycle.on_frames_waited(now);
+  now += milliseconds(28);
+  cycle.on_frames_waited(now);
+  EXPECT_NE(find<AbortRequest>(cycle.on_deadline(now)), nullptr) << "once for each request";
+  EXPECT_THAT(find<PublishStatus>(quiet())->detail, HasSubstr("this node was late"));
+  EXPECT_EQ(cycle.statistics().peripheral_timeouts, 0U);
+}
+
+TEST_F(PayloadCycleTest, HasMoreTimeForTheAnswerToATelecommandTooButNoneBehindTheSlot) {
+  store(1);
+  grant();
+  now += milliseconds(28);
+  cycle.on_frames_waited(now);
+  EXPECT_TRUE(sends<wire::CommandRequest>(wake()));
+  now += milliseconds(27);
+  cycle.on_frames_waited(now);
+  EXPECT_TRUE(cycle.on_deadline(now).empty());
+  EXPECT_EQ(cycle.next_deadline(), flag.allotted_end);
+}
+
+TEST_F(PayloadCycleTest, FramesThatWaitedGiveNoTimeBeforeTheDeadlineOrBehindTheSlot) {
+  grant();
+  const auto deadline = cycle.next_deadline();
+  now += milliseconds(24);
+  cycle.on_frames_waited(now);
+  EXPECT_EQ(cycle.next_deadline(), deadline);
+  now += milliseconds(2);
+  cycle.on_frames_waited(now);
+  EXPECT_EQ(cycle.next_deadline(), deadline) << "it is not late: the peripheral sends what is no answer";
+  now += milliseconds(35);
+  cycle.on_frames_waited(now);
+  EXPECT_NE(find<AbortRequest>(cycle.on_deadline(now)), nullptr);
+
+  quiet();
+  cycle.on_frames_waited(now);
+  EXPECT_EQ(cycle.next_deadline(), std::nullopt);
+}
+
 TEST_F(PayloadCycleTest, ReleasesAsFailedOnGarbageAndSaysWhy) {
   grant();
   const PayloadActions actions = cycle.on_request_failed(RequestFailure::garbage, "bad CRC", now);

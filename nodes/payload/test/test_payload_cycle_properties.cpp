@@ -26,8 +26,13 @@ class World {
 
   void step() {
     now_ += microseconds(random_() % 12'000);
-    if (const auto deadline = cycle_.next_deadline(); deadline && now_ >= *deadline)
+    if (const auto deadline = cycle_.next_deadline(); deadline && now_ >= *deadline) {
+      if (chance(4)) {
+        cycle_.on_frames_waited(now_);
+        ASSERT_TRUE(!cycle_.expects_frames() || cycle_.next_deadline());
+      }
       take(cycle_.on_deadline(now_));
+    }
     switch (random_() % 9) {
       case 0:
         grant();
