@@ -92,6 +92,8 @@ class CanBus {
   /// Why state() is `gone` or `down`, for a person; empty otherwise.
   [[nodiscard]] virtual std::string reason() const = 0;
   [[nodiscard]] virtual const CanCounters& counters() const = 0;
+  /// The process that plays this bus, which needs a CPU to let frames leave; 0: a real bus.
+  [[nodiscard]] virtual pid_t simulator() const { return 0; }
 };
 
 /// The fence at the handle: writes only under the current grant and before the end of its lease. Everything

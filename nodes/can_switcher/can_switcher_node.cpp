@@ -380,6 +380,21 @@ void CanSwitcherNode::watch_holder() {
   const auto totals = watch.cpu->read(true, monotonic_now());
   const bool is_repeated = std::exchange(watch.grant, rotation_->current()->id) == rotation_->current()->id;
   if (totals && !is_repeated) watch.at_grant = *totals;
+  watch_simulator(is_repeated);
+}
+
+/// A simulated bus lets the holder's frames leave when its process has a CPU: what it waits keeps the holder
+/// from releasing, and counts as if the holder had waited.
+void CanSwitcherNode::watch_simulator(bool is_repeated) {
+  const pid_t process = listener_ ? listener_->bus().simulator() : 0;
+  if (process != simulator_.process) {
+    simulator_ = SimulatorWatch{.process = process};
+    if (process != 0) simulator_.cpu = suite::ProcessCpu::open(process);
+    is_repeated = false;
+  }
+  if (!simulator_.cpu) return;
+  const auto totals = simulator_.cpu->read(true, monotonic_now());
+  if (totals && !is_repeated) simulator_.waited_at_grant = totals->waited;
 }
 
 std::optional<HolderCpu> CanSwitcherNode::holder_cpu() {
@@ -389,8 +404,14 @@ std::optional<HolderCpu> CanSwitcherNode::holder_cpu() {
   if (watch.process != holder->process || !watch.cpu) return std::nullopt;
   const auto totals = watch.cpu->read(true, monotonic_now());
   if (!totals) return std::nullopt;  // it has ended
-  return HolderCpu{totals->any_waited - watch.at_grant.any_waited, totals->ran - watch.at_grant.ran,
-                   watch.cpu->is_runnable()};
+  HolderCpu cpu{totals->any_waited - watch.at_grant.any_waited, totals->ran - watch.at_grant.ran,
+                watch.cpu->is_runnable()};
+  if (!simulator_.cpu) return cpu;
+  if (const auto played = simulator_.cpu->read(true, monotonic_now())) {
+    cpu.waited = std::max(cpu.waited, played->waited - simulator_.waited_at_grant);
+    cpu.runnable = cpu.runnable || simulator_.cpu->is_runnable();
+  }
+  return cpu;
 }
 
 /// A flag without holder and without times. The message keeps its memory.
@@ -499,7 +520,8 @@ void CanSwitcherNode::on_deadline() {
 void CanSwitcherNode::carry_out(const ReportDoubt& action) {
   switch (action.why) {
     case ReportDoubt::Why::starved:
-      log::warn("{} got no CPU to release the bus at the end of its lease: waiting for it", action.payload);
+      log::warn("{} got no CPU{} to release the bus at the end of its lease: waiting for it", action.payload,
+                simulator_.cpu ? ", or its simulated bus got none," : "");
       break;
     case ReportDoubt::Why::deaf:
       log::warn("no datagram received at the end of the lease of {}: not accusing it", action.payload);

@@ -69,6 +69,7 @@ class CanSwitcherNode : public suite::Node {
   void record_holder();
   void watch_holder();
   [[nodiscard]] std::optional<HolderCpu> holder_cpu();
+  void watch_simulator(bool is_repeated);
   void run(RotationActions actions);
   void carry_out(const Grant& action);
   void carry_out(const OrderReset& action);
@@ -134,7 +135,13 @@ class CanSwitcherNode : public suite::Node {
     CpuTotals at_grant{};
   };
   std::vector<HolderWatch> holders_;  ///< by slot
-  bool plan_waits_ = false;           ///< for the end of a slot whose place changes
+  struct SimulatorWatch {
+    pid_t process = 0;  ///< 0: a real bus
+    std::optional<suite::ProcessCpu> cpu{};
+    nanoseconds waited_at_grant{0};
+  };
+  SimulatorWatch simulator_;
+  bool plan_waits_ = false;  ///< for the end of a slot whose place changes
 
   /// Lives as long as the process: its grant counter must never start again.
   std::optional<TaskFlagRotation> rotation_;

@@ -3,8 +3,11 @@
 """Faults of the CAN bus and its users: bus-off, a flood, a peripheral that babbles, a holder that does not give the bus back, a switcher
 that misses the end of a slot. The rotation continues."""
 
+import contextlib
 import os
 import signal
+import subprocess
+import sys
 import time
 import unittest
 
@@ -226,6 +229,37 @@ class LateHolderTest(CanFaultTest):
             wait_until(hit, DEADLINE_S, "a slot was used though its payload was stopped from before the answer until behind its deadline")
             flight.control({"peripheral": "eps", "fault": "none"})
             self.wait_for_all(recorder, "released", 2)
+            self.assert_nobody_was_restarted(flight)
+
+
+class StarvedSimulatorTest(CanFaultTest):
+    STARVED = 3  # slots
+    # For 0.15 s, then again after 0.1 s.
+    TAKES_ONE_CPU = """
+import os, sys, time
+os.sched_setaffinity(0, {int(sys.argv[1])})
+os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(1))
+while True:
+    time.sleep(0.1)
+    end = time.monotonic() + 0.15
+    while time.monotonic() < end:
+        pass
+"""
+
+    def test_a_simulated_bus_without_a_cpu_has_no_payload_killed(self):
+        """The frames of a holder leave when hw_sim has a CPU. On board no process plays the bus."""
+        with self.flight() as flight, contextlib.ExitStack() as stack:
+            recorder, ground = flight.recorder(), flight.ground()
+            self.wait_for_rotation(flight, recorder)
+            cpu, pid = min(os.sched_getaffinity(0)), flight.hw_sim.pid
+            os.sched_setaffinity(pid, {cpu})
+            taker = subprocess.Popen([sys.executable, "-S", "-c", self.TAKES_ONE_CPU, str(cpu)])
+            stack.callback(taker.wait)
+            stack.callback(taker.kill)
+            starved = lambda: (ground.fresh("can_switcher") or {}).get("starved_holders", 0)  # noqa: E731
+            wait_until(lambda: starved() >= self.STARVED, DEADLINE_S, "slots lasted beyond their leases, as hw_sim waited for a CPU")
+            stack.close()
+            self.wait_for_all(recorder, "released", 3)
             self.assert_nobody_was_restarted(flight)
 
 

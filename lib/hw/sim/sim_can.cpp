@@ -29,7 +29,9 @@ class SimCan : public RawCanBus {
                    .transmit_errors = std::uint16_t{0},
                    .receive_errors = std::uint16_t{0},
                    .bit_rate = bit_rate});
-      return connect_seqpacket(hub);
+      auto device = connect_seqpacket(hub);
+      simulator_ = device ? peer_of(device->get()) : 0;
+      return device;
     });
   }
 
@@ -85,7 +87,15 @@ class SimCan : public RawCanBus {
     return true;
   }
 
+  [[nodiscard]] pid_t simulator() const override { return simulator_; }
+
  private:
+  /// 0: of another PID namespace, or not known.
+  static pid_t peer_of(int device) {
+    ucred peer{};
+    socklen_t size = sizeof peer;
+    return ::getsockopt(device, SOL_SOCKET, SO_PEERCRED, &peer, &size) == 0 ? peer.pid : 0;
+  }
   void try_restart(int device) override { (void)ask(device, can_hub_restart); }
 
   /// A hub that does not take it now is asked again by the next call, or hangs up.
@@ -94,6 +104,8 @@ class SimCan : public RawCanBus {
     raw.can_id = request;
     return ::send(device, &raw, sizeof raw, MSG_NOSIGNAL) == static_cast<ssize_t>(sizeof raw);
   }
+
+  pid_t simulator_ = 0;
 };
 
 }  // namespace
