@@ -126,8 +126,7 @@ class IsoTpChannel {
   [[nodiscard]] std::optional<Result<void, IsoTpError>> take_send_result();
 
   /// A frame from the bus. Frames with another identifier are ignored, uncounted: they belong to other
-  /// channels. Time-outs are for poll() and send(): a frame that is here is not late, but who reads it may
-  /// be.
+  /// channels. Time-outs are for the other calls: a frame that is here is not late, but who reads it may be.
   void on_frame(const CanDataFrame& frame, MonotonicTime now);
   /// The echo of an own frame: it has left on the bus.
   void on_transmit_confirm(const CanDataFrame& frame, MonotonicTime now);

@@ -302,7 +302,7 @@ void CanSwitcherNode::run(HoldoverActions actions) {
 
 void CanSwitcherNode::carry_out(const Beat& action) {
   // This thread may be the late one: a release that waits in the reader does not block the beat.
-  statuses_->take_waiting();
+  if (rotation_->holder()) statuses_->take_waiting();
   // A deadline that passed while the tick was on its way comes first.
   on_deadline();
   RotationActions actions = rotation_->on_tick(monotonic_now(), holdover_.cycle(), action.received);
@@ -384,17 +384,26 @@ void CanSwitcherNode::watch_holder() {
 }
 
 /// A simulated bus lets the holder's frames leave when its process has a CPU: what it waits keeps the holder
-/// from releasing, and counts as if the holder had waited.
+/// from releasing.
 void CanSwitcherNode::watch_simulator(bool is_repeated) {
   const pid_t process = listener_ ? listener_->bus().simulator() : 0;
-  if (process != simulator_.process) {
+  if (process != simulator_.process || (simulator_.cpu && !simulator_.cpu->read())) {
     simulator_ = SimulatorWatch{.process = process};
-    if (process != 0) simulator_.cpu = suite::ProcessCpu::open(process);
+    if (process != 0) simulator_.cpu = ThreadCpuFiles::open(process, process);
     is_repeated = false;
   }
-  if (!simulator_.cpu) return;
-  const auto totals = simulator_.cpu->read(true, monotonic_now());
-  if (totals && !is_repeated) simulator_.waited_at_grant = totals->waited;
+  const auto waited = read_simulator();
+  if (!waited || is_repeated) return;
+  simulator_.grant = rotation_->current()->id;
+  simulator_.waited_at_grant = *waited;
+}
+
+std::optional<nanoseconds> CanSwitcherNode::read_simulator() {
+  const auto cpu = simulator_.cpu ? simulator_.cpu->read() : std::nullopt;
+  if (!cpu) return std::nullopt;
+  simulator_.is_runnable = simulator_.cpu->state() == 'R';
+  simulator_.wait.on_reading(*cpu, simulator_.is_runnable, monotonic_now());
+  return simulator_.wait.total();
 }
 
 std::optional<HolderCpu> CanSwitcherNode::holder_cpu() {
@@ -406,10 +415,10 @@ std::optional<HolderCpu> CanSwitcherNode::holder_cpu() {
   if (!totals) return std::nullopt;  // it has ended
   HolderCpu cpu{totals->any_waited - watch.at_grant.any_waited, totals->ran - watch.at_grant.ran,
                 watch.cpu->is_runnable()};
-  if (!simulator_.cpu) return cpu;
-  if (const auto played = simulator_.cpu->read(true, monotonic_now())) {
-    cpu.waited = std::max(cpu.waited, played->waited - simulator_.waited_at_grant);
-    cpu.runnable = cpu.runnable || simulator_.cpu->is_runnable();
+  const auto played = read_simulator();
+  if (played && simulator_.grant == rotation_->current()->id) {
+    cpu.bus_waited = *played - simulator_.waited_at_grant;
+    cpu.runnable = cpu.runnable || simulator_.is_runnable;
   }
   return cpu;
 }

@@ -70,6 +70,7 @@ class CanSwitcherNode : public suite::Node {
   void watch_holder();
   [[nodiscard]] std::optional<HolderCpu> holder_cpu();
   void watch_simulator(bool is_repeated);
+  [[nodiscard]] std::optional<nanoseconds> read_simulator();
   void run(RotationActions actions);
   void carry_out(const Grant& action);
   void carry_out(const OrderReset& action);
@@ -136,8 +137,11 @@ class CanSwitcherNode : public suite::Node {
   };
   std::vector<HolderWatch> holders_;  ///< by slot
   struct SimulatorWatch {
-    pid_t process = 0;  ///< 0: a real bus
-    std::optional<suite::ProcessCpu> cpu{};
+    pid_t process = 0;                    ///< 0: a real bus
+    std::optional<ThreadCpuFiles> cpu{};  ///< of its first thread, which plays the bus
+    CpuWait wait{};
+    bool is_runnable = false;
+    GrantId grant{};  ///< or recall
     nanoseconds waited_at_grant{0};
   };
   SimulatorWatch simulator_;

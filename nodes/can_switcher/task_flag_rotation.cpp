@@ -276,7 +276,7 @@ TaskFlagRotation::HolderVerdict TaskFlagRotation::judge(MonotonicTime now, const
   const MonotonicTime end = starved_end_.value_or(current_->lease_end);
   if (now - starved_since_.value_or(end) >= starved_patience) return HolderVerdict::could_run;
   const nanoseconds lease = end - current_->granted;
-  const nanoseconds able = now - current_->granted - holder.waited;
+  const nanoseconds able = now - current_->granted - std::max(holder.waited, holder.bus_waited);
   const nanoseconds much = std::max(lease, slots_[current_->slot].lease() * starved_leases);
   const nanoseconds enough = holder.waited > lease / 4 ? much : lease - starved_look;
   const bool starved = able < enough;

@@ -30,6 +30,8 @@ struct HolderCpu {
   nanoseconds waited{0};  ///< one of them: ready to run, without a CPU
   nanoseconds ran{0};     ///< the work thread
   bool runnable = false;  ///< now: one of them runs, or waits
+  /// The process that plays a simulated bus: ready to run, without a CPU. The holder's frames do not leave.
+  nanoseconds bus_waited{0};
 };
 
 // What the rotation decides; carried out by the adapter in the given order.

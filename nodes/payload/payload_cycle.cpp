@@ -472,8 +472,10 @@ void PayloadCycle::on_no_answer(RequestFailure why, const std::string& detail, M
   fail_slot(detail, now);
 }
 
-void PayloadCycle::on_silence(const std::string& detail, MonotonicTime now) {
-  if (was_late_) {
+void PayloadCycle::on_silence(const std::string& detail, bool own_frames_left, MonotonicTime now) {
+  if (!own_frames_left) {
+    on_no_answer(RequestFailure::not_sent, "own frames did not get the bus", now);
+  } else if (was_late_) {
     on_no_answer(RequestFailure::not_sent, "the answer came, and this node was late", now);
   } else {
     on_no_answer(RequestFailure::silent, detail, now);
@@ -587,7 +589,7 @@ void PayloadCycle::on_frames_waited(MonotonicTime now) {
   deadline_ = answer_deadline(now);
 }
 
-PayloadActions PayloadCycle::on_deadline(MonotonicTime now) {
+PayloadActions PayloadCycle::on_deadline(MonotonicTime now, bool own_frames_left) {
   if (power_deadline_ && now >= *power_deadline_) on_power_deadline();
   if (!deadline_ || now < *deadline_) return finish();
   switch (step_) {
@@ -595,13 +597,13 @@ PayloadActions PayloadCycle::on_deadline(MonotonicTime now) {
       deadline_.reset();
       break;
     case Step::waking:
-      on_silence("no answer to the wake-up", now);
+      on_silence("no answer to the wake-up", own_frames_left, now);
       break;
     case Step::commanding:
-      on_silence("no answer to a telecommand", now);
+      on_silence("no answer to a telecommand", own_frames_left, now);
       break;
     case Step::ordering:
-      on_silence("no answer to an order of the mode", now);
+      on_silence("no answer to an order of the mode", own_frames_left, now);
       break;
     case Step::resetting:
       on_no_answer(RequestFailure::silent, fmt::format("{}; no answer to the reset", reset_reason_), now);

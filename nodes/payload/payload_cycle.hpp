@@ -230,7 +230,8 @@ class PayloadCycle {
   /// for each request; and an answer that does not come in this time either is no silence of the peripheral.
   /// Before on_deadline().
   void on_frames_waited(MonotonicTime now);
-  PayloadActions on_deadline(MonotonicTime now);
+  /// @param own_frames_left  false: the request may not have left; that nobody answers is no silence then
+  PayloadActions on_deadline(MonotonicTime now, bool own_frames_left = true);
   [[nodiscard]] std::optional<MonotonicTime> next_deadline() const;
 
   void change_settings(const PayloadSettings& settings);
@@ -303,7 +304,7 @@ class PayloadCycle {
   void send_reset(bool ordered, const std::string& reason, MonotonicTime now);
   void on_reset_answered(MonotonicTime now);
   void on_no_answer(RequestFailure why, const std::string& detail, MonotonicTime now);
-  void on_silence(const std::string& detail, MonotonicTime now);
+  void on_silence(const std::string& detail, bool own_frames_left, MonotonicTime now);
   void count_silence(const std::string& detail);
   /// The slot ends in the middle of whatever it was doing.
   void abandon_slot(const std::string& detail, MonotonicTime now);

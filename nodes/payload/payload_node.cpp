@@ -469,7 +469,7 @@ void PayloadNode::on_can_input() {
   take_outcomes();
   check_quiet();
   if (frames_received_ != received) cycle_->on_frames_waited(t);
-  run(cycle_->on_deadline(t));
+  run(cycle_->on_deadline(t, leased_->quiet()));
   pump();
   check_quiet();
   arm_timer();

@@ -18,7 +18,8 @@ namespace srfs {
 /// The computer's end of the conversation with one peripheral: one request at a time, and its answer. How
 /// long a request may take is the caller's; only time-outs within the protocol run here. Pure.
 ///
-/// Use: after every call and at next_deadline(), call poll() until it gives nothing, then take_outcome().
+/// Use: after on_frame() and on_transmit_confirm() take_outcome(), which has what the frames alone decide;
+/// after every call and at next_deadline() poll() until it gives nothing, then take_outcome().
 class PeripheralLink {
  public:
   struct Failure {

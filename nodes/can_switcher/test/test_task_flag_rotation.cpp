@@ -234,21 +234,34 @@ TEST_F(TaskFlagRotationTest, RepeatsARecallWithEachTickAndLaterSeldom) {
   EXPECT_EQ(release(*rotation.current()), ReportVerdict::applied);
 }
 
-TEST_F(TaskFlagRotationTest, FencesAHolderThatCouldRunAgainAndDidNotAnswer) {
-  const Grant grant = must_grant();
-  take(grant);
-  now = grant.granted + milliseconds(80);
-  (void)rotation.on_deadline(now);
-  now = grant.lease_end;
-  HolderCpu cpu{milliseconds(90), milliseconds(5), false};
+/// Its lease ends while it, or the bus, has no CPU; once it is recalled, both have one. It never answers.
+void is_recalled_and_then_fenced(TaskFlagRotation& rotation, const Grant& grant, HolderCpu cpu) {
+  (void)rotation.on_deadline(grant.granted + milliseconds(80));
+  MonotonicTime now = grant.lease_end;
   RotationActions actions;
+  bool recalled = false;
   while (!has<Fence>(actions)) {
     ASSERT_LE(now, grant.lease_end + seconds(20));
     actions = rotation.on_deadline(now, now, cpu);
     if (has<Recall>(actions)) cpu = {nanoseconds(0), milliseconds(2), false};
+    recalled = recalled || has<Recall>(actions);
     if (!has<Fence>(actions)) now = *rotation.next_deadline();
   }
+  EXPECT_TRUE(recalled);
   EXPECT_LE(now, grant.lease_end + TaskFlagRotation::held_up_recall_time + TaskFlagRotation::starved_look);
+}
+
+TEST_F(TaskFlagRotationTest, FencesAHolderThatCouldRunAgainAndDidNotAnswer) {
+  const Grant grant = must_grant();
+  take(grant);
+  is_recalled_and_then_fenced(rotation, grant, HolderCpu{milliseconds(90), milliseconds(5), false});
+}
+
+TEST_F(TaskFlagRotationTest, RecallsAHolderWhoseFramesWaitForTheProcessOfASimulatedBus) {
+  const Grant grant = must_grant();
+  take(grant);
+  is_recalled_and_then_fenced(rotation, grant,
+                              HolderCpu{nanoseconds(0), milliseconds(2), false, milliseconds(100)});
 }
 
 TEST_F(TaskFlagRotationTest, FencesAtOnceAHolderThatSleepsLoopsOrIsStopped) {

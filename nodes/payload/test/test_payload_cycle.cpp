@@ -172,6 +172,14 @@ TEST_F(PayloadCycleTest, HasMoreTimeForTheAnswerToATelecommandTooButNoneBehindTh
   EXPECT_EQ(cycle.next_deadline(), flag.allotted_end);
 }
 
+TEST_F(PayloadCycleTest, ARequestThatDidNotLeaveIsNoSilenceOfThePeripheral) {
+  grant();
+  now += milliseconds(25);
+  EXPECT_NE(find<AbortRequest>(cycle.on_deadline(now, false)), nullptr);
+  EXPECT_EQ(find<PublishStatus>(quiet())->detail, "own frames did not get the bus");
+  EXPECT_EQ(cycle.statistics().peripheral_timeouts, 0U);
+}
+
 TEST_F(PayloadCycleTest, FramesThatWaitedGiveNoTimeBeforeTheDeadlineOrBehindTheSlot) {
   grant();
   const auto deadline = cycle.next_deadline();
