@@ -387,12 +387,12 @@ void CanSwitcherNode::watch_holder() {
 /// from releasing.
 void CanSwitcherNode::watch_simulator(bool is_repeated) {
   const pid_t process = listener_ ? listener_->bus().simulator() : 0;
-  if (process != simulator_.process || (simulator_.cpu && !simulator_.cpu->read())) {
-    simulator_ = SimulatorWatch{.process = process};
-    if (process != 0) simulator_.cpu = ThreadCpuFiles::open(process, process);
+  if (process != simulator_.process) {
+    simulator_ = SimulatorWatch{.process = process, .cpu = ThreadCpuFiles::open(process, process)};
     is_repeated = false;
   }
   const auto waited = read_simulator();
+  if (!waited) simulator_.process = 0;  // it has ended; the next one may have its number
   if (!waited || is_repeated) return;
   simulator_.grant = rotation_->current()->id;
   simulator_.waited_at_grant = *waited;
